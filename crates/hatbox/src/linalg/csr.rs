@@ -1,0 +1,80 @@
+use super::{LinearOperator, MultiVector};
+
+/// A sparse matrix in compressed rows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Csr {
+    cols: usize,
+    offsets: Vec<usize>,
+    indices: Vec<u32>,
+    values: Vec<f64>,
+}
+
+impl Csr {
+    /// Builds the matrix from (row, column, value) triplets in any order; entries that meet are added.
+    ///
+    /// # Panics
+    /// If a triplet lies outside `rows` × `cols`.
+    pub fn from_triplets(rows: usize, cols: usize, mut triplets: Vec<(u32, u32, f64)>) -> Self {
+        assert!(triplets.iter().all(|t| (t.0 as usize) < rows && (t.1 as usize) < cols), "triplet outside the matrix");
+        // A stable sort keeps the order of entries that meet, so that their sum is reproducible.
+        triplets.sort_by_key(|t| (t.0, t.1));
+        let mut matrix = Self { cols, offsets: vec![0; rows + 1], indices: Vec::new(), values: Vec::new() };
+        let mut last = None;
+        for (row, col, value) in triplets {
+            if last == Some((row, col)) {
+                *matrix.values.last_mut().expect("an entry was just pushed") += value;
+            } else {
+                matrix.indices.push(col);
+                matrix.values.push(value);
+                matrix.offsets[row as usize + 1] += 1;
+                last = Some((row, col));
+            }
+        }
+        for row in 0..rows {
+            matrix.offsets[row + 1] += matrix.offsets[row];
+        }
+        matrix
+    }
+
+    /// The entries (column, value) of one row, columns ascending.
+    pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let range = self.offsets[row]..self.offsets[row + 1];
+        self.indices[range.clone()].iter().zip(&self.values[range]).map(|(&col, &value)| (col as usize, value))
+    }
+
+    /// Number of stored entries.
+    pub fn stored(&self) -> usize {
+        self.values.len()
+    }
+
+    /// The transpose.
+    #[must_use]
+    pub fn transpose(&self) -> Self {
+        let triplets = (0..self.rows())
+            .flat_map(|row| self.row(row).map(move |(col, value)| (col as u32, row as u32, value)))
+            .collect();
+        Self::from_triplets(self.cols, self.rows(), triplets)
+    }
+
+    /// The diagonal.
+    pub fn diagonal(&self) -> Vec<f64> {
+        (0..self.rows()).map(|i| self.row(i).find(|&(col, _)| col == i).map_or(0.0, |(_, value)| value)).collect()
+    }
+}
+
+impl LinearOperator for Csr {
+    fn rows(&self) -> usize {
+        self.offsets.len() - 1
+    }
+    fn cols(&self) -> usize {
+        self.cols
+    }
+    fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
+        for band in 0..x.bands() {
+            let x = x.band(band);
+            for (row, y) in y.band_mut(band).iter_mut().enumerate() {
+                *y = self.row(row).map(|(col, value)| value * x[col]).sum();
+            }
+        }
+    }
+}

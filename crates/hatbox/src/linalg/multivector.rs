@@ -1,0 +1,100 @@
+/// `rows` × `bands` numbers, each band contiguous: the coefficients of one function per band.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MultiVector {
+    rows: usize,
+    bands: usize,
+    data: Vec<f64>,
+}
+
+impl MultiVector {
+    /// All zeros.
+    pub fn zeros(rows: usize, bands: usize) -> Self {
+        Self { rows, bands, data: vec![0.0; rows * bands] }
+    }
+
+    /// Every row of band `b` holds `values[b]`.
+    pub fn uniform(rows: usize, values: &[f64]) -> Self {
+        Self::from_fn(rows, values.len(), |_, band| values[band])
+    }
+
+    /// Entry (row, band) holds `value(row, band)`.
+    pub fn from_fn(rows: usize, bands: usize, value: impl Fn(usize, usize) -> f64) -> Self {
+        let mut data = Vec::with_capacity(rows * bands);
+        for band in 0..bands {
+            data.extend((0..rows).map(|row| value(row, band)));
+        }
+        Self { rows, bands, data }
+    }
+
+    /// Takes band after band, each of `data.len() / bands` rows; `None` if that does not divide.
+    pub fn from_bands(bands: usize, data: Vec<f64>) -> Option<Self> {
+        (bands > 0 && data.len() % bands == 0).then(|| Self { rows: data.len() / bands, bands, data })
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Number of bands.
+    pub fn bands(&self) -> usize {
+        self.bands
+    }
+
+    /// One band.
+    pub fn band(&self, band: usize) -> &[f64] {
+        &self.data[band * self.rows..(band + 1) * self.rows]
+    }
+
+    /// One band, to write.
+    pub fn band_mut(&mut self, band: usize) -> &mut [f64] {
+        &mut self.data[band * self.rows..(band + 1) * self.rows]
+    }
+
+    /// The bands, one after the other.
+    pub fn iter_bands(&self) -> impl Iterator<Item = &[f64]> {
+        (0..self.bands).map(|band| self.band(band))
+    }
+
+    /// All numbers, band after band.
+    pub fn as_slice(&self) -> &[f64] {
+        &self.data
+    }
+
+    /// All numbers, band after band, to write.
+    pub fn as_mut_slice(&mut self) -> &mut [f64] {
+        &mut self.data
+    }
+
+    /// `self += factor · other`.
+    pub fn add_scaled(&mut self, factor: f64, other: &Self) {
+        debug_assert_eq!((self.rows, self.bands), (other.rows, other.bands));
+        for (a, b) in self.data.iter_mut().zip(&other.data) {
+            *a += factor * b;
+        }
+    }
+
+    /// `Σ_i self_i other_i` for each band.
+    pub fn dot(&self, other: &Self) -> Vec<f64> {
+        self.iter_bands().zip(other.iter_bands()).map(|(a, b)| dot(a, b)).collect()
+    }
+
+    /// The Euclidean norm of each band.
+    pub fn norms(&self) -> Vec<f64> {
+        self.iter_bands().map(|band| dot(band, band).sqrt()).collect()
+    }
+}
+
+/// `Σ a_i b_i` in a fixed order (eight interleaved partial sums), so that the same input gives the same bits.
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut lanes = [0.0; 8];
+    let (a8, a_rest) = a.as_chunks::<8>();
+    let (b8, b_rest) = b.as_chunks::<8>();
+    for (x, y) in a8.iter().zip(b8) {
+        for lane in 0..8 {
+            lanes[lane] += x[lane] * y[lane];
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(x, y)| x * y).sum();
+    lanes.iter().sum::<f64>() + rest
+}

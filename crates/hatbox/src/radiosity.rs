@@ -1,0 +1,46 @@
+//! The equation put together, and its solution as a function on the surfaces.
+
+use crate::element::MAX_DOFS;
+use crate::linalg::MultiVector;
+use crate::scene::Scene;
+use crate::space::FunctionSpace;
+
+/// Which function of the solution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Shown {
+    /// B, what leaves the surface.
+    #[default]
+    Radiosity,
+    /// E, what arrives.
+    Irradiance,
+}
+
+/// Radiosity and irradiance as functions on the cells of a scene.
+#[derive(Debug, Clone)]
+pub struct Solution {
+    /// The scene, subdivided as it was solved.
+    pub scene: Scene,
+    /// The space of both functions.
+    pub space: FunctionSpace,
+    /// Broken coefficients of B per band.
+    pub radiosity: MultiVector,
+    /// Broken coefficients of E per band.
+    pub irradiance: MultiVector,
+}
+
+impl Solution {
+    /// The value at a point of a cell, in one band.
+    pub fn evaluate(&self, shown: Shown, cell: usize, at: [f64; 2], band: usize) -> f64 {
+        let field = match shown {
+            Shown::Radiosity => &self.radiosity,
+            Shown::Irradiance => &self.irradiance,
+        };
+        let functions: [f64; MAX_DOFS] = self.space.element(cell).values(at);
+        field.band(band)[self.space.range(cell)].iter().zip(functions).map(|(b, n)| b * n).sum()
+    }
+
+    /// Number of bands.
+    pub fn bands(&self) -> usize {
+        self.radiosity.bands()
+    }
+}
