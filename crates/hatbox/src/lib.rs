@@ -1,9 +1,11 @@
 //! Hatbox: Galerkin radiosity.
 
 pub mod element;
+pub mod kernel;
 pub mod linalg;
 pub mod mesh;
 pub mod progress;
+pub mod quadrature;
 pub mod radiosity;
 pub mod scene;
 pub mod space;
