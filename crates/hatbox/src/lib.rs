@@ -1,5 +1,6 @@
 //! Hatbox: Galerkin radiosity.
 
+pub mod assemble;
 pub mod element;
 pub mod kernel;
 pub mod linalg;
