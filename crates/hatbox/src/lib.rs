@@ -6,4 +6,5 @@ pub mod mesh;
 pub mod progress;
 pub mod radiosity;
 pub mod scene;
+pub mod solve;
 pub mod space;
