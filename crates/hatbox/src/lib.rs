@@ -9,4 +9,5 @@ pub mod progress;
 pub mod quadrature;
 pub mod radiosity;
 pub mod scene;
+pub mod solve;
 pub mod space;

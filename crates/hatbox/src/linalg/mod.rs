@@ -12,6 +12,7 @@ mod multivector;
 pub use block_diagonal::BlockDiagonal;
 pub use csr::Csr;
 pub use multivector::MultiVector;
+pub(crate) use multivector::dot;
 
 /// A linear map applied to all columns of a [`MultiVector`] in one pass.
 ///
