@@ -8,12 +8,15 @@
 mod box_tree;
 mod conform;
 mod corner;
+mod diagnose;
+mod intersect;
 mod patch;
 mod refine;
 mod topology;
 mod weld;
 
 pub(crate) use corner::{Builder, Corner};
+pub use diagnose::{Example, Finding, FindingKind, Severity, diagnose, diagnose_sheets};
 pub use patch::Patch;
 pub use refine::{MAX_CELLS, RefineError, Refinement};
 pub(crate) use topology::UnionFind;
