@@ -2,6 +2,7 @@
 
 pub mod assemble;
 pub mod element;
+pub mod exchange;
 pub mod kernel;
 pub mod linalg;
 pub mod mesh;
@@ -11,3 +12,4 @@ pub mod radiosity;
 pub mod scene;
 pub mod solve;
 pub mod space;
+pub mod visibility;

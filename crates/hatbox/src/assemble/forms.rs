@@ -24,6 +24,15 @@ pub fn weighted_mass(scene: &Scene, space: &FunctionSpace) -> BlockDiagonal {
     weighted_blocks(scene, space, scene.bands, uniform, value)
 }
 
+/// (M_ε)_ij = ∫ ε N_i N_j for a function ε of the broken space, given by its coefficients.
+pub fn function_weighted_mass(scene: &Scene, space: &FunctionSpace, epsilon: &[f64]) -> BlockDiagonal {
+    let value = |cell: usize, at: [f64; 2], _| {
+        let functions = space.element(cell).values(at);
+        epsilon[space.range(cell)].iter().zip(functions).map(|(e, n)| e * n).sum()
+    };
+    weighted_blocks(scene, space, 1, |_, _| true, value)
+}
+
 /// b⁰_i = ∫ B⁰ N_i, in lm or W, for each band.
 pub fn load(scene: &Scene, space: &FunctionSpace) -> MultiVector {
     functional(scene, space, |cell| &scene.material(cell).exitance)

@@ -4,6 +4,6 @@ mod forms;
 mod pair;
 mod panel;
 
-pub use forms::{load, mass, project, weighted_mass};
+pub use forms::{function_weighted_mass, load, mass, project, weighted_mass};
 pub use pair::{Accuracy, Block, Sight, facing_parts, pair_block};
 pub use panel::Panel;
