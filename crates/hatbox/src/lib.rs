@@ -8,3 +8,4 @@ pub mod radiosity;
 pub mod scene;
 pub mod solve;
 pub mod space;
+pub mod visibility;
