@@ -41,7 +41,9 @@ impl Bounds {
 
     fn around(items: &[Item]) -> Self {
         let mut bounds = Self::EMPTY;
-        items.iter().for_each(|item| bounds.join(&item.bounds));
+        for item in items {
+            bounds.join(&item.bounds);
+        }
         bounds
     }
 }

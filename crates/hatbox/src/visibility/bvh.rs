@@ -1,7 +1,9 @@
 use super::Visibility;
+#[cfg(target_arch = "x86_64")]
+use super::avx2::Avx2;
 use super::build::{Child, DEPTH, Item, LEAF, WIDTH, build};
-use super::simd::{Frame, LEAF_BIT, Node, Slabs};
-use super::triangle::{Block, Ray};
+use super::simd::{Frame, Kernels, LEAF_BIT, Node, Portable, Slabs};
+use super::triangle::{Block, Crossings, Ray};
 use crate::scene::Surface;
 use glam::DVec3;
 
@@ -131,7 +133,7 @@ impl Bvh {
                     block.set(lane, &triangle, index, 0);
                 }
             }
-            ray.blocked_by(&block, [u32::MAX; 2])
+            ray.blocked_by(&ray.cross(&block), &block, [u32::MAX; 2])
         })
     }
 
@@ -147,32 +149,32 @@ impl Bvh {
     ) -> Option<Hit> {
         let ray = Ray::open(origin, direction, t_max)?;
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
+        if let Some(avx2) = Avx2::detect() {
             // SAFETY: the processor has the feature.
-            return unsafe { self.closest_avx2(&ray, &accept) };
+            return unsafe { self.closest_avx2(avx2, &ray, &accept) };
         }
-        self.closest(&ray, &accept)
+        self.closest(Portable, &ray, &accept)
     }
 
     /// [`Self::any`] compiled for AVX2.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn any_avx2(&self, ray: &Ray, skip: [u32; 2]) -> bool {
-        self.any(ray, skip)
+    fn any_avx2(&self, avx2: Avx2, ray: &Ray, skip: [u32; 2]) -> bool {
+        self.any(avx2, ray, skip)
     }
 
     /// [`Self::closest`] compiled for AVX2.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn closest_avx2(&self, ray: &Ray, accept: &impl Fn(u32, bool) -> bool) -> Option<Hit> {
-        self.closest(ray, accept)
+    fn closest_avx2(&self, avx2: Avx2, ray: &Ray, accept: &impl Fn(u32, bool) -> bool) -> Option<Hit> {
+        self.closest(avx2, ray, accept)
     }
 
     /// Whether any triangle blocks the ray.
     #[inline(always)]
-    fn any(&self, ray: &Ray, skip: [u32; 2]) -> bool {
+    fn any(&self, kernels: impl Kernels, ray: &Ray, skip: [u32; 2]) -> bool {
         if self.blocks.len() <= FLAT {
-            return self.blocks.iter().any(|block| ray.blocked_by(block, skip));
+            return self.blocks.iter().any(|block| ray.blocked_by(&kernels.cross(ray, block), block, skip));
         }
         let slabs = Slabs::new(self.frame, ray.origin, ray.direction, ray.end);
         let mut stack = [0_u32; STACK];
@@ -180,15 +182,18 @@ impl Bvh {
         while pending > 0 {
             pending -= 1;
             let node = &self.nodes[stack[pending] as usize];
-            let (mut mask, _) = node.slabs(&slabs);
+            let (mut mask, _) = kernels.slabs(node, &slabs);
             while mask != 0 {
                 let child = node.child[mask.trailing_zeros() as usize];
                 mask &= mask - 1;
                 if child & LEAF_BIT == 0 {
                     stack[pending] = child;
                     pending += 1;
-                } else if ray.blocked_by(&self.blocks[(child ^ LEAF_BIT) as usize], skip) {
-                    return true;
+                } else {
+                    let block = &self.blocks[(child ^ LEAF_BIT) as usize];
+                    if ray.blocked_by(&kernels.cross(ray, block), block, skip) {
+                        return true;
+                    }
                 }
             }
         }
@@ -197,10 +202,10 @@ impl Bvh {
 
     /// The first acceptable crossing: near children first, far ones dropped once something nearer is hit.
     #[inline(always)]
-    fn closest(&self, ray: &Ray, accept: &impl Fn(u32, bool) -> bool) -> Option<Hit> {
+    fn closest(&self, kernels: impl Kernels, ray: &Ray, accept: &impl Fn(u32, bool) -> bool) -> Option<Hit> {
         let mut best = None;
         if self.blocks.len() <= FLAT {
-            self.blocks.iter().for_each(|block| closer(ray, block, accept, &mut best));
+            self.blocks.iter().for_each(|block| closer(ray, block, &kernels.cross(ray, block), accept, &mut best));
             return best;
         }
         let mut slabs = Slabs::new(self.frame, ray.origin, ray.direction, ray.end);
@@ -213,7 +218,7 @@ impl Bvh {
                 continue;
             }
             let node = &self.nodes[node as usize];
-            let (mut mask, enters) = node.slabs(&slabs);
+            let (mut mask, enters) = kernels.slabs(node, &slabs);
             let first = pending;
             while mask != 0 {
                 let lane = mask.trailing_zeros() as usize;
@@ -224,7 +229,8 @@ impl Bvh {
                     pending += 1;
                     sink(&mut stack[first..pending]);
                 } else if !slabs.is_past(enters[lane]) {
-                    closer(ray, &self.blocks[(child ^ LEAF_BIT) as usize], accept, &mut best);
+                    let block = &self.blocks[(child ^ LEAF_BIT) as usize];
+                    closer(ray, block, &kernels.cross(ray, block), accept, &mut best);
                     if let Some(hit) = best {
                         slabs.stop_at(hit.t);
                     }
@@ -239,16 +245,16 @@ impl Visibility for Bvh {
     fn occluded(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> bool {
         let Some(ray) = Ray::segment(from, to) else { return false };
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
+        if let Some(avx2) = Avx2::detect() {
             // SAFETY: the processor has the feature.
-            return unsafe { self.any_avx2(&ray, skip) };
+            return unsafe { self.any_avx2(avx2, &ray, skip) };
         }
-        self.any(&ray, skip)
+        self.any(Portable, &ray, skip)
     }
 }
 
 /// Puts the last entry where it belongs among the others, which run from the farthest to the nearest.
-#[inline(always)]
+#[inline]
 pub(super) fn sink(stack: &mut [(f32, u32)]) {
     let mut k = stack.len() - 1;
     while k > 0 && stack[k - 1].0 < stack[k].0 {
@@ -258,15 +264,20 @@ pub(super) fn sink(stack: &mut [(f32, u32)]) {
 }
 
 /// Replaces `best` by an acceptable crossing of the block that is nearer.
-#[inline(always)]
-fn closer(ray: &Ray, block: &Block<LEAF>, accept: &impl Fn(u32, bool) -> bool, best: &mut Option<Hit>) {
-    let found = ray.cross(block);
+#[inline]
+fn closer(
+    ray: &Ray,
+    block: &Block<LEAF>,
+    found: &Crossings<LEAF>,
+    accept: &impl Fn(u32, bool) -> bool,
+    best: &mut Option<Hit>,
+) {
     let mut mask = found.mask;
     while mask != 0 {
         let lane = mask.trailing_zeros() as usize;
         mask &= mask - 1;
         let (t, triangle, id, sum) = (found.t[lane], block.index[lane], block.id[lane], found.sum[lane]);
-        let nearer = best.is_none_or(|best| t < best.t || (t == best.t && triangle < best.triangle));
+        let nearer = best.is_none_or(|best| (t, triangle) < (best.t, best.triangle));
         let front = ray.sees_front(sum);
         if nearer && ray.counts(block, lane, t) && accept(id, front) {
             let barycentric = [found.edges[1][lane] / sum, found.edges[2][lane] / sum];

@@ -20,6 +20,8 @@
 //! Dropped: Embree (a system library), single-precision triangles (leaks of 1e-7 of the scene), 16-ray packets (twice as
 //! fast for the ray bundle of one pair, half as fast otherwise; the shafts already answer most pairs without rays).
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod build;
 mod bvh;
 mod nearest;
@@ -79,7 +81,7 @@ impl BruteForce {
 impl Visibility for BruteForce {
     fn occluded(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> bool {
         let Some(ray) = Ray::segment(from, to) else { return false };
-        self.blocks.iter().any(|block| ray.blocked_by(block, skip))
+        self.blocks.iter().any(|block| ray.blocked_by(&ray.cross(block), block, skip))
     }
 }
 

@@ -1,9 +1,10 @@
 //! Nodes and the tests of all eight children at once.
 //!
-//! The loops run over arrays of fixed length and compile to vector instructions of whatever the caller's instruction set
-//! is; [`super::bvh`] chooses that at run time.
+//! The loops run over arrays of fixed length, which compile to vector instructions on every processor. The two hottest
+//! have twins for AVX2, chosen at run time through [`Kernels`].
 
-use super::build::{Bounds, WIDTH};
+use super::build::{Bounds, LEAF, WIDTH};
+use super::triangle::{Block, Crossings, Ray};
 use glam::DVec3;
 
 /// Marks a child that is a leaf; the rest is its block.
@@ -17,12 +18,36 @@ const PAD: f64 = 1.0 / 4_194_304.0;
 /// contains the origin.
 const PARALLEL: f64 = 1e-18;
 
+/// The hot kernels, for some instruction set.
+pub(super) trait Kernels: Copy {
+    /// [`Node::slabs`].
+    fn slabs(self, node: &Node, ray: &Slabs) -> (u32, [f32; WIDTH]);
+    /// [`Ray::cross`].
+    fn cross(self, ray: &Ray, block: &Block<LEAF>) -> Crossings<LEAF>;
+}
+
+/// The kernels for every processor.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Portable;
+
+impl Kernels for Portable {
+    #[inline]
+    fn slabs(self, node: &Node, ray: &Slabs) -> (u32, [f32; WIDTH]) {
+        node.slabs(ray)
+    }
+
+    #[inline]
+    fn cross(self, ray: &Ray, block: &Block<LEAF>) -> Crossings<LEAF> {
+        ray.cross(block)
+    }
+}
+
 /// Eight children.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub(super) struct Node {
     /// Least x, y, z, then greatest x, y, z. A child that is not there has an inside-out box at infinity.
-    rows: [[f32; WIDTH]; 6],
+    pub(super) rows: [[f32; WIDTH]; 6],
     /// Index of a node or [`LEAF_BIT`] and the index of a block.
     pub(super) child: [u32; WIDTH],
 }
@@ -42,7 +67,7 @@ impl Node {
     }
 
     /// The children whose boxes the ray may meet, as bits, and where it enters each.
-    #[inline(always)]
+    #[inline]
     pub(super) fn slabs(&self, ray: &Slabs) -> (u32, [f32; WIDTH]) {
         let mut enter = [0.0_f32; WIDTH];
         let mut leave = [ray.end; WIDTH];
@@ -65,7 +90,7 @@ impl Node {
     }
 
     /// Squared distances of the boxes from a point, in normalised coordinates.
-    #[inline(always)]
+    #[inline]
     pub(super) fn distances_squared(&self, point: [f32; 3]) -> [f32; WIDTH] {
         let mut sum = [0.0_f32; WIDTH];
         for (axis, p) in point.into_iter().enumerate() {
@@ -86,7 +111,7 @@ impl Node {
     }
 
     /// Those of the children in `mask` whose boxes reach below the plane normal · x = offset.
-    #[inline(always)]
+    #[inline]
     pub(super) fn below(&self, mask: u32, normal: [f32; 3], offset: f32) -> u32 {
         let row = |axis: usize| &self.rows[if normal[axis] > 0.0 { axis } else { axis + 3 }];
         let (x, y, z) = (row(0), row(1), row(2));
@@ -152,10 +177,10 @@ impl Frame {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Slabs {
     /// Rows of [`Node::rows`] that the ray enters and leaves by, for each axis.
-    rows: [[usize; 2]; 3],
-    origins: [[f32; 2]; 3],
-    inverses: [[f32; 2]; 3],
-    end: f32,
+    pub(super) rows: [[usize; 2]; 3],
+    pub(super) origins: [[f32; 2]; 3],
+    pub(super) inverses: [[f32; 2]; 3],
+    pub(super) end: f32,
     /// Length of the direction over the size of the scene.
     speed: f64,
     /// No triangle is further away.
@@ -166,9 +191,9 @@ impl Slabs {
     #[inline]
     pub(super) fn new(frame: Frame, origin: DVec3, direction: DVec3, end: f64) -> Self {
         let (origin, length) = (frame.to_local(origin), direction.length());
+        let shortest = PARALLEL * length;
         let largest = origin.abs().max_element();
         let pad = PAD * largest.max(1.0);
-        let direction = (direction / length).to_array();
         let mut slabs = Self {
             rows: [[0; 2]; 3],
             origins: [[0.0; 2]; 3],
@@ -177,8 +202,8 @@ impl Slabs {
             speed: length / frame.size,
             reach: 2.0 * largest + 4.0,
         };
-        for (axis, (o, d)) in origin.to_array().into_iter().zip(direction).enumerate() {
-            let inverse = if d.abs() < PARALLEL { 1.0 / PARALLEL } else { 1.0 / d };
+        for (axis, (o, d)) in origin.to_array().into_iter().zip(direction.to_array()).enumerate() {
+            let inverse = if d.abs() < shortest { 1.0 / PARALLEL } else { length / d };
             let forward = inverse > 0.0;
             slabs.rows[axis] = if forward { [axis, axis + 3] } else { [axis + 3, axis] };
             let pad = if forward { pad } else { -pad };

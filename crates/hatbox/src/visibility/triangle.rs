@@ -9,7 +9,7 @@ pub const GUARD: f64 = 8.0;
 #[repr(align(64))]
 pub(super) struct Block<const N: usize> {
     /// Corner, axis, triangle.
-    corners: [[[f64; N]; 3]; 3],
+    pub(super) corners: [[[f64; N]; 3]; 3],
     /// Index of each triangle in the input.
     pub(super) index: [u32; N],
     /// Surface of each triangle.
@@ -43,8 +43,8 @@ pub(super) struct Ray {
     pub(super) direction: DVec3,
     /// Crossings count for 0 < t < `end`.
     pub(super) end: f64,
-    axes: [usize; 3],
-    shear: [f64; 3],
+    pub(super) axes: [usize; 3],
+    pub(super) shear: [f64; 3],
     /// An end this close to a triangle's plane lies on it.
     guard: f64,
     /// Whether `end` is such an end as well.
@@ -99,7 +99,7 @@ impl Ray {
     /// An edge function is a difference of two products. Rounding is monotonic, so its computed sign is never opposite
     /// to the true sign of the sheared corners, only zero too often, and zero counts as inside. It must not be
     /// contracted to a fused multiply-add: the two triangles at an edge have to see exactly opposite values.
-    #[inline(always)]
+    #[inline]
     pub(super) fn cross<const N: usize>(&self, block: &Block<N>) -> Crossings<N> {
         let mut x = [[0.0; N]; 3];
         let mut y = [[0.0; N]; 3];
@@ -124,10 +124,10 @@ impl Ray {
         }
         let mut found = Crossings { mask: 0, edges, sum: [0.0; N], t: [0.0; N] };
         for k in 0..N {
-            let [u, v, w] = [edges[0][k], edges[1][k], edges[2][k]];
-            found.sum[k] = u + v + w;
-            let inside = ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
-            found.mask |= u32::from(inside & (found.sum[k] != 0.0)) << k;
+            let signed = edges.map(|edge| edge[k]);
+            found.sum[k] = signed[0] + signed[1] + signed[2];
+            let inside = signed.iter().all(|&e| e >= 0.0) || signed.iter().all(|&e| e <= 0.0);
+            found.mask |= u32::from(inside && found.sum[k] != 0.0) << k;
         }
         if found.mask != 0 {
             for k in 0..N {
@@ -150,10 +150,9 @@ impl Ray {
         t * speed > guard && (!self.closed || (self.end - t) * speed > guard)
     }
 
-    /// Whether the ray meets a triangle that is not on a surface of `skip`.
-    #[inline(always)]
-    pub(super) fn blocked_by<const N: usize>(&self, block: &Block<N>, skip: [u32; 2]) -> bool {
-        let found = self.cross(block);
+    /// Whether one of the crossings `found` with a block is of a triangle that is not on a surface of `skip`.
+    #[inline]
+    pub(super) fn blocked_by<const N: usize>(&self, found: &Crossings<N>, block: &Block<N>, skip: [u32; 2]) -> bool {
         let mut mask = found.mask;
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize;
