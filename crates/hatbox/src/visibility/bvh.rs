@@ -254,7 +254,7 @@ impl Visibility for Bvh {
 }
 
 /// Puts the last entry where it belongs among the others, which run from the farthest to the nearest.
-#[inline]
+#[inline(always)]
 pub(super) fn sink(stack: &mut [(f32, u32)]) {
     let mut k = stack.len() - 1;
     while k > 0 && stack[k - 1].0 < stack[k].0 {
@@ -264,7 +264,7 @@ pub(super) fn sink(stack: &mut [(f32, u32)]) {
 }
 
 /// Replaces `best` by an acceptable crossing of the block that is nearer.
-#[inline]
+#[inline(always)]
 fn closer(
     ray: &Ray,
     block: &Block<LEAF>,

@@ -151,7 +151,7 @@ impl Ray {
     }
 
     /// Whether one of the crossings `found` with a block is of a triangle that is not on a surface of `skip`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn blocked_by<const N: usize>(&self, found: &Crossings<N>, block: &Block<N>, skip: [u32; 2]) -> bool {
         let mut mask = found.mask;
         while mask != 0 {
