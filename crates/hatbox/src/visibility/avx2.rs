@@ -71,9 +71,9 @@ unsafe fn cross(ray: &Ray, block: &Block<LEAF>) -> Crossings<LEAF> {
         let [i, j, k] = ray.axes;
         for corner in 0..3 {
             let rows = &block.corners[corner];
-            let dx = _mm256_sub_pd(_mm256_loadu_pd(rows[i].as_ptr()), _mm256_set1_pd(ray.origin[i]));
-            let dy = _mm256_sub_pd(_mm256_loadu_pd(rows[j].as_ptr()), _mm256_set1_pd(ray.origin[j]));
-            let dz = _mm256_sub_pd(_mm256_loadu_pd(rows[k].as_ptr()), _mm256_set1_pd(ray.origin[k]));
+            let dx = _mm256_sub_pd(_mm256_loadu_pd(rows[i].as_ptr()), _mm256_set1_pd(ray.start[0]));
+            let dy = _mm256_sub_pd(_mm256_loadu_pd(rows[j].as_ptr()), _mm256_set1_pd(ray.start[1]));
+            let dz = _mm256_sub_pd(_mm256_loadu_pd(rows[k].as_ptr()), _mm256_set1_pd(ray.start[2]));
             x[corner] = _mm256_sub_pd(dx, _mm256_mul_pd(_mm256_set1_pd(ray.shear[0]), dz));
             y[corner] = _mm256_sub_pd(dy, _mm256_mul_pd(_mm256_set1_pd(ray.shear[1]), dz));
             z[corner] = _mm256_mul_pd(_mm256_set1_pd(ray.shear[2]), dz);

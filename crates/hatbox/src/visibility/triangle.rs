@@ -31,7 +31,8 @@ impl<const N: usize> Block<N> {
     }
 
     pub(super) fn triangle(&self, lane: usize) -> [DVec3; 3] {
-        self.corners.map(|rows| DVec3::from_array(rows.map(|row| row[lane])))
+        let [a, b, c] = &self.corners;
+        [a, b, c].map(|rows| DVec3::new(rows[0][lane], rows[1][lane], rows[2][lane]))
     }
 }
 
@@ -44,6 +45,8 @@ pub(super) struct Ray {
     /// Crossings count for 0 < t < `end`.
     pub(super) end: f64,
     pub(super) axes: [usize; 3],
+    /// The origin, axes permuted.
+    pub(super) start: [f64; 3],
     pub(super) shear: [f64; 3],
     /// An end this close to a triangle's plane lies on it.
     guard: f64,
@@ -88,10 +91,11 @@ impl Ray {
             2
         };
         let axes = [[1, 2, 0], [2, 0, 1], [0, 1, 2]][last];
-        let d = axes.map(|axis| direction[axis]);
+        let (d, o) = (direction.to_array(), origin.to_array());
+        let (d, start) = (axes.map(|axis| d[axis]), axes.map(|axis| o[axis]));
         let usable = d[2] != 0.0 && direction.is_finite() && origin.is_finite() && end > 0.0;
         let shear = [d[0] / d[2], d[1] / d[2], 1.0 / d[2]];
-        usable.then_some(Self { origin, direction, end, axes, shear, guard, closed })
+        usable.then_some(Self { origin, direction, end, axes, start, shear, guard, closed })
     }
 
     /// The watertight test of Woop et al. (2013).
@@ -104,7 +108,7 @@ impl Ray {
         let mut x = [[0.0; N]; 3];
         let mut y = [[0.0; N]; 3];
         let mut z = [[0.0; N]; 3];
-        let [ox, oy, oz] = self.axes.map(|axis| self.origin[axis]);
+        let [ox, oy, oz] = self.start;
         let [sx, sy, sz] = self.shear;
         for corner in 0..3 {
             let [cx, cy, cz] = self.axes.map(|axis| &block.corners[corner][axis]);
