@@ -8,7 +8,7 @@ use hatbox::visibility::{Bvh, Shaft, Visibility};
 use std::hint::black_box;
 use std::time::Instant;
 
-/// SplitMix64, as numbers in [0, 1).
+/// A reproducible stream of numbers in [0, 1) (after Steele, Lea and Flood 2014).
 struct Numbers(u64);
 
 impl Numbers {
@@ -77,7 +77,7 @@ fn soup() -> Triangles {
 fn rate(what: &str, count: usize, mut call: impl FnMut(usize) -> bool) {
     let mut best = f64::INFINITY;
     let mut hits = 0;
-    for _ in 0..3 {
+    for _ in 0..9 {
         let start = Instant::now();
         hits = (0..count).filter(|&k| black_box(call(k))).count();
         best = best.min(start.elapsed().as_secs_f64());

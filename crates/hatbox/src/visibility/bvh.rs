@@ -172,7 +172,7 @@ impl Bvh {
 
     /// Whether any triangle blocks the ray.
     #[inline(always)]
-    fn any(&self, kernels: impl Kernels, ray: &Ray, skip: [u32; 2]) -> bool {
+    pub(super) fn any(&self, kernels: impl Kernels, ray: &Ray, skip: [u32; 2]) -> bool {
         if self.blocks.len() <= FLAT {
             return self.blocks.iter().any(|block| ray.blocked_by(&kernels.cross(ray, block), block, skip));
         }

@@ -20,6 +20,8 @@
 //! Dropped: Embree (a system library), single-precision triangles (leaks of 1e-7 of the scene), 16-ray packets (twice as
 //! fast for the ray bundle of one pair, half as fast otherwise; the shafts already answer most pairs without rays).
 
+#![expect(clippy::inline_always, reason = "kernels must be inlined into functions compiled for their instruction set")]
+
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod build;

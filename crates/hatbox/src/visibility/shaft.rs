@@ -72,42 +72,36 @@ impl Shaft {
 
     /// Adds the facets of the hull.
     fn push_facets(&mut self) {
-        let mut normals = Vec::with_capacity(24);
-        let [a, b] = self.polygons();
-        for (own, other) in [(a, b), (b, a)] {
-            normals.push(area_vector(own));
-            for (k, &p) in own.iter().enumerate() {
-                let edge = own[(k + 1) % own.len()] - p;
-                normals.extend(other.iter().map(|&q| edge.cross(q - p)));
-            }
-        }
-        for normal in normals.into_iter().filter_map(DVec3::try_normalize) {
-            let at = |&corner: &DVec3| normal.dot(corner);
-            // A facet touches both polygons; a plane that both merely lie below is implied by the others.
-            let range = |polygon: &[DVec3]| {
-                polygon.iter().map(at).fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], x| [lo.min(x), hi.max(x)])
-            };
-            let [a, b] = self.polygons().map(range);
-            if (a[1] - b[1]).abs() <= self.touch {
-                self.push(normal);
-            }
-            if (a[0] - b[0]).abs() <= self.touch {
-                self.push(-normal);
-            }
-        }
         let [a, b] = self.polygons().map(|polygon| area_vector(polygon).normalize_or_zero());
         self.push_cap(a);
         self.push_cap(b);
+        let (first, count) = (self.first, self.corners.len());
+        for (own, other) in [(0..first, first..count), (first..count, 0..first)] {
+            for k in own.clone() {
+                let next = if k + 1 == own.end { own.start } else { k + 1 };
+                let edge = self.corners[next] - self.corners[k];
+                for q in other.clone() {
+                    self.push_facet(edge.cross(self.corners[q] - self.corners[k]));
+                }
+            }
+        }
+    }
+
+    /// Adds the planes of a normal that support both polygons on the same side.
+    fn push_facet(&mut self, normal: DVec3) {
+        let length = normal.length();
+        let [a, b] = self.polygons().map(|polygon| range(polygon, normal));
+        for side in [1, 0] {
+            if length > 0.0 && (a[side] - b[side]).abs() <= self.touch * length {
+                self.push(if side == 1 { normal } else { -normal } / length);
+            }
+        }
     }
 
     /// Adds the plane of a polygon if both polygons lie on one side of it.
     fn push_cap(&mut self, normal: DVec3) {
         for normal in [normal, -normal] {
-            let spread = |polygon: &[DVec3]| {
-                let at = polygon.iter().map(|&corner| normal.dot(corner));
-                at.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], x| [lo.min(x), hi.max(x)])
-            };
-            let [a, b] = self.polygons().map(spread);
+            let [a, b] = self.polygons().map(|polygon| range(polygon, normal));
             let flat = |[lo, hi]: [f64; 2]| hi - lo <= self.touch;
             if (flat(a) && a[0] >= b[1] - self.touch) || (flat(b) && b[0] >= a[1] - self.touch) {
                 self.push(normal);
@@ -117,7 +111,7 @@ impl Shaft {
 
     /// Adds the half-space of a unit normal that just contains all corners.
     fn push(&mut self, normal: DVec3) {
-        let offset = self.corners.iter().map(|&corner| normal.dot(corner)).fold(f64::NEG_INFINITY, f64::max);
+        let [_, offset] = range(&self.corners, normal);
         if normal != DVec3::ZERO && !self.planes.iter().any(|(n, _)| n.dot(normal) > 1.0 - 1e-15) {
             self.planes.push((normal, offset));
         }
@@ -133,9 +127,8 @@ impl Shaft {
         // In a convex room every wall has the whole shaft on one side.
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
         let offset = normal.dot(corners[0]);
-        let heights = self.corners.iter().map(|&corner| normal.dot(corner) - offset);
-        let [lo, hi] = heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], x| [lo.min(x), hi.max(x)]);
-        lo < -self.touch && hi > self.touch
+        let [lo, hi] = range(&self.corners, normal);
+        lo < offset - self.touch && hi > offset + self.touch
     }
 
     /// Whether a convex planar polygon blocks every segment of the shaft.
@@ -174,6 +167,14 @@ impl Shaft {
     }
 }
 
+/// The least and the greatest of the corners along a direction.
+fn range(polygon: &[DVec3], direction: DVec3) -> [f64; 2] {
+    polygon.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], corner| {
+        let x = direction.dot(*corner);
+        [if x < lo { x } else { lo }, if x > hi { x } else { hi }]
+    })
+}
+
 /// Twice the area times the normal; the corners run counter-clockwise about it (Newell).
 fn area_vector(polygon: &[DVec3]) -> DVec3 {
     let origin = polygon[0];
@@ -188,7 +189,16 @@ impl Bvh {
         out.clear();
         let planes = shaft.local_planes(self.frame);
         let complete = self.visit(
-            |node| planes.iter().fold(u32::MAX >> (32 - WIDTH), |mask, &(n, d)| node.below(mask, n, d)),
+            |node| {
+                let mut mask = u32::MAX >> (32 - WIDTH);
+                for &(normal, offset) in &planes {
+                    mask = node.below(mask, normal, offset);
+                    if mask == 0 {
+                        break;
+                    }
+                }
+                mask
+            },
             |index, id, triangle| {
                 if skip.contains(&id) || !shaft.may_block(triangle) {
                     return true;

@@ -1,7 +1,7 @@
 use super::*;
 use proptest::prelude::*;
 
-/// A reproducible stream of numbers in [0, 1) (SplitMix64).
+/// A reproducible stream of numbers in [0, 1) (after Steele, Lea and Flood 2014).
 struct Numbers(u64);
 
 impl Numbers {
@@ -24,7 +24,7 @@ impl Numbers {
 fn soup(count: usize, numbers: &mut Numbers) -> Vec<[DVec3; 3]> {
     let mut triangles: Vec<[DVec3; 3]> = Vec::new();
     while triangles.len() < count {
-        let (a, size) = (numbers.point(), if triangles.len() % 7 == 0 { 1.0 } else { 0.1 });
+        let (a, size) = (numbers.point(), if triangles.len().is_multiple_of(7) { 1.0 } else { 0.1 });
         let (u, v) = (numbers.point() * size, numbers.point() * size);
         triangles.push(match triangles.len() % 6 {
             0 | 1 => [a, a + u, a + v],
@@ -90,6 +90,35 @@ fn the_tree_agrees_with_brute_force_on_everything() {
         }
         assert_eq!(count == 0, blocked == 0);
     }
+}
+
+#[test]
+fn without_triangles_all_agree() {
+    let all: [&dyn Visibility; 3] = [&Unoccluded, &BruteForce::new(&[], &[]), &Bvh::of_surfaces(&[])];
+    assert!(all.iter().all(|visibility| !visibility.occluded(DVec3::ZERO, DVec3::ONE, [0, 0])));
+}
+
+#[test]
+fn every_instruction_set_gives_the_same_answer() {
+    let mut numbers = Numbers(9);
+    let triangles = soup(400, &mut numbers);
+    let tree = Bvh::new(&triangles, &ids(&triangles));
+    for _ in 0..20_000 {
+        let (from, to) = segment(&triangles, &mut numbers);
+        let ray = Ray::segment(from, to).expect("the ends differ");
+        let portable = tree.any(simd::Portable, &ray, [3, 4]);
+        assert_eq!(tree.occluded(from, to, [3, 4]), portable, "{from} {to}");
+    }
+}
+
+#[test]
+fn the_tree_does_not_depend_on_the_number_of_threads() {
+    let triangles = soup(20_000, &mut Numbers(10));
+    let build = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can be had");
+        pool.install(|| format!("{:?}", Bvh::new(&triangles, &ids(&triangles))))
+    };
+    assert!(build(1) == build(4));
 }
 
 #[test]
@@ -266,7 +295,7 @@ fn the_nearest_point_is_the_nearest_of_all() {
         let near = tree.nearest_point(p, |k| k % 3 != 0).expect("there are triangles");
         let each = (0..300).filter(|k| k % 3 != 0);
         let all = each.filter_map(|k| tree.nearest_point(p, |j| j == k)).map(|near| near.distance);
-        assert_eq!(all.fold(f64::INFINITY, f64::min), near.distance);
+        assert!(all.fold(f64::INFINITY, f64::min).total_cmp(&near.distance).is_eq());
         // No sampled point of the triangle is nearer.
         let [a, b, c] = triangles[near.triangle as usize];
         for _ in 0..20 {
