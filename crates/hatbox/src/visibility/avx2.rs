@@ -5,10 +5,10 @@ use super::build::{LEAF, WIDTH};
 use super::simd::{Kernels, Node, Slabs};
 use super::triangle::{Block, Crossings, Ray};
 use std::arch::x86_64::{
-    _CMP_GT_OQ, _CMP_LE_OQ, _CMP_LT_OQ, _CMP_NEQ_OQ, _mm256_add_pd, _mm256_and_pd, _mm256_andnot_pd, _mm256_cmp_pd,
-    _mm256_cmp_ps, _mm256_div_pd, _mm256_loadu_pd, _mm256_loadu_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_pd,
-    _mm256_movemask_ps, _mm256_mul_pd, _mm256_mul_ps, _mm256_or_pd, _mm256_set1_pd, _mm256_set1_ps, _mm256_setzero_pd,
-    _mm256_setzero_ps, _mm256_storeu_pd, _mm256_storeu_ps, _mm256_sub_pd, _mm256_sub_ps,
+    __m256d, _CMP_GT_OQ, _CMP_LE_OQ, _CMP_LT_OQ, _CMP_NEQ_OQ, _mm256_add_pd, _mm256_and_pd, _mm256_andnot_pd,
+    _mm256_cmp_pd, _mm256_cmp_ps, _mm256_div_pd, _mm256_loadu_pd, _mm256_loadu_ps, _mm256_max_ps, _mm256_min_ps,
+    _mm256_movemask_pd, _mm256_movemask_ps, _mm256_mul_pd, _mm256_mul_ps, _mm256_or_pd, _mm256_set1_pd, _mm256_set1_ps,
+    _mm256_setzero_pd, _mm256_setzero_ps, _mm256_storeu_pd, _mm256_storeu_ps, _mm256_sub_pd, _mm256_sub_ps,
 };
 
 /// Proof that the processor has AVX2.
@@ -82,14 +82,7 @@ unsafe fn cross(ray: &Ray, block: &Block<LEAF>) -> Crossings<LEAF> {
         let v = _mm256_sub_pd(_mm256_mul_pd(x[0], y[2]), _mm256_mul_pd(y[0], x[2]));
         let w = _mm256_sub_pd(_mm256_mul_pd(x[1], y[0]), _mm256_mul_pd(y[1], x[0]));
         let sum = _mm256_add_pd(_mm256_add_pd(u, v), w);
-        let (mut below, mut above) = (zero, zero);
-        for edge in [u, v, w] {
-            below = _mm256_or_pd(below, _mm256_cmp_pd::<_CMP_LT_OQ>(edge, zero));
-            above = _mm256_or_pd(above, _mm256_cmp_pd::<_CMP_GT_OQ>(edge, zero));
-        }
-        // Not on both sides, and the sum is neither zero nor NaN.
-        let some = _mm256_cmp_pd::<_CMP_NEQ_OQ>(sum, zero);
-        found.mask = _mm256_movemask_pd(_mm256_andnot_pd(_mm256_and_pd(below, above), some)) as u32;
+        found.mask = inside([u, v, w], sum);
         if found.mask != 0 {
             let depth = _mm256_add_pd(_mm256_mul_pd(u, z[0]), _mm256_mul_pd(v, z[1]));
             let depth = _mm256_add_pd(depth, _mm256_mul_pd(w, z[2]));
@@ -101,4 +94,23 @@ unsafe fn cross(ray: &Ray, block: &Block<LEAF>) -> Crossings<LEAF> {
         }
     }
     found
+}
+
+/// The triangles whose edge functions are not on both sides of zero and sum to neither zero nor NaN, as bits.
+///
+/// # Safety
+/// As of [`slabs`].
+#[inline(always)]
+unsafe fn inside(edges: [__m256d; 3], sum: __m256d) -> u32 {
+    // SAFETY: the caller vouches for the feature.
+    unsafe {
+        let zero = _mm256_setzero_pd();
+        let (mut below, mut above) = (zero, zero);
+        for edge in edges {
+            below = _mm256_or_pd(below, _mm256_cmp_pd::<_CMP_LT_OQ>(edge, zero));
+            above = _mm256_or_pd(above, _mm256_cmp_pd::<_CMP_GT_OQ>(edge, zero));
+        }
+        let some = _mm256_cmp_pd::<_CMP_NEQ_OQ>(sum, zero);
+        _mm256_movemask_pd(_mm256_andnot_pd(_mm256_and_pd(below, above), some)) as u32
+    }
 }

@@ -149,7 +149,7 @@ impl Frame {
         (point - self.center) / self.size
     }
 
-    /// The box around points, in f32 rounded outward, and by [`PAD`] more for the rounding of the map.
+    /// The box around points, in f32 rounded outward; the rounding of the map itself is included.
     pub(super) fn bounds(self, points: &[DVec3]) -> Bounds {
         let mut bounds = Bounds::EMPTY;
         for &point in points {
