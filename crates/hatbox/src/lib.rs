@@ -1,6 +1,7 @@
 //! Hatbox: Galerkin radiosity.
 
 pub mod element;
+pub mod io;
 pub mod linalg;
 pub mod mesh;
 pub mod progress;
