@@ -65,12 +65,15 @@ impl MeshBuilder {
 
     /// The mesh; `warnings` learns of faces without area.
     pub(super) fn finish(mut self, file: &Path, warnings: &mut Vec<String>) -> Result<Mesh, ReadError> {
+        if self.mesh.cells.is_empty() {
+            let reason = match self.flat {
+                0 => "the scene is empty: it has no faces".to_owned(),
+                flat => format!("the scene is empty: none of its {flat} faces has an area"),
+            };
+            return Err(ReadError::new(file, "", reason, "export at least one triangle or quad"));
+        }
         if self.flat > 0 {
             warnings.push(format!("{}: {} faces have no area and were left out", file.display(), self.flat));
-        }
-        if self.mesh.cells.is_empty() {
-            let remedy = "export at least one triangle or quad";
-            return Err(ReadError::new(file, "", "the scene is empty: it has no faces", remedy));
         }
         if self.mesh.vertices.len() > u32::MAX as usize {
             return Err(ReadError::new(file, "", "it has more than 2^32 vertices", "split the scene"));

@@ -27,13 +27,19 @@ pub(super) fn read_named(path: &Path, file: &Path, place: &str) -> Result<Vec<u8
 /// What is wrong with these reflectances, if anything.
 pub(super) fn reflectance_fault(values: &[f64]) -> Option<String> {
     let bad = values.iter().find(|r| !(0.0..=1.0).contains(*r))?;
-    Some(format!("a reflectance of {bad} is not between 0 and 1"))
+    Some(format!("a reflectance of {} is not between 0 and 1", shown(*bad)))
 }
 
 /// What is wrong with these exitances, if anything.
 pub(super) fn exitance_fault(values: &[f64]) -> Option<String> {
     let bad = values.iter().find(|b| !(0.0..f64::INFINITY).contains(*b))?;
-    Some(format!("an emission of {bad} is not a finite number of at least 0"))
+    Some(format!("an emission of {} is not a finite number of at least 0", shown(*bad)))
+}
+
+/// A number as the user wrote it, also where the file stores it in single precision.
+fn shown(value: f64) -> String {
+    let single = value as f32;
+    if f64::from(single).to_bits() == value.to_bits() { single.to_string() } else { value.to_string() }
 }
 
 /// Joins messages that say the same, and says how often.

@@ -7,7 +7,7 @@ use gltf_json::validation::Checked;
 use gltf_json::{Accessor, Index};
 
 /// More elements than this are taken for a broken file.
-const MOST: u64 = 1 << 31;
+const MOST: u64 = 1 << 28;
 
 const REMEDY: &str = "export the file again";
 

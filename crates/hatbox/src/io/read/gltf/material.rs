@@ -155,10 +155,11 @@ impl<'a> Palette<'a> {
     fn exitance(&mut self, json: &Json, uv: UvSource, place: &str) -> Result<Quantity, ReadError> {
         let extension = json.extensions.as_ref().and_then(|e| e.emissive_strength.as_ref());
         let strength = extension.map_or(1.0, |e| f64::from(e.emissive_strength.0));
-        let factor = json.emissive_factor.0.map(|value| PI * strength * f64::from(value));
-        if let Some(fault) = files::exitance_fault(&factor) {
+        let [r, g, b] = json.emissive_factor.0.map(f64::from);
+        if let Some(fault) = files::exitance_fault(&[r, g, b, strength]) {
             return Err(self.document.error(place, fault, "correct emissiveFactor and emissiveStrength"));
         }
+        let factor = [r, g, b].map(|value| PI * strength * value);
         let info = json.emissive_texture.as_ref().filter(|_| factor.iter().any(|&value| value > 0.0));
         if info.is_some_and(|info| UvSource::of(info) != uv) {
             self.warn(place, "emissiveTexture has texture coordinates of its own: those of the base colour are used");
