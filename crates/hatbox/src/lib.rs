@@ -4,6 +4,7 @@ pub mod assemble;
 pub mod element;
 pub mod exchange;
 pub mod kernel;
+pub mod io;
 pub mod linalg;
 pub mod mesh;
 pub mod progress;

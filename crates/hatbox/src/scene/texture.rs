@@ -68,6 +68,11 @@ impl Texture {
         })
     }
 
+    /// What it shows outside the unit square, along u and v.
+    pub fn wrap(&self) -> [Wrap; 2] {
+        self.wrap
+    }
+
     /// The value at (u, v), u to the right and v down, the image being the unit square.
     pub fn sample(&self, uv: DVec2, band: usize) -> f64 {
         let (x, y) = (uv.x * self.width as f64 - 0.5, uv.y * self.height as f64 - 0.5);
