@@ -1,6 +1,8 @@
 //! Hatbox: Galerkin radiosity.
 
+pub mod bake;
 pub mod element;
+pub mod io;
 pub mod linalg;
 pub mod mesh;
 pub mod progress;

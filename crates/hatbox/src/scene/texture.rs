@@ -59,6 +59,16 @@ impl Texture {
         self.channels
     }
 
+    /// The values, rows from top to bottom.
+    pub fn texels(&self) -> &[f32] {
+        &self.texels
+    }
+
+    /// What is shown outside the image, along u and v.
+    pub fn wrap(&self) -> [Wrap; 2] {
+        self.wrap
+    }
+
     /// The value at (u, v), u to the right and v down, the image being the unit square.
     pub fn sample(&self, uv: DVec2, band: usize) -> f64 {
         let (x, y) = (uv.x * self.width as f64 - 0.5, uv.y * self.height as f64 - 0.5);
