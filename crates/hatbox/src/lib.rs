@@ -7,5 +7,6 @@ pub mod linalg;
 pub mod mesh;
 pub mod progress;
 pub mod radiosity;
+pub mod render;
 pub mod scene;
 pub mod space;

@@ -82,8 +82,7 @@ fn sample(solution: &Solution, shown: Shown, cell: usize) -> (f64, f64) {
         Shape::Triangle => [1.0 / 3.0, 1.0 / 3.0],
         Shape::Quad => [0.5, 0.5],
     };
-    let bands: Vec<f64> =
-        (0..solution.bands()).map(|band| solution.evaluate(shown, cell, middle, band)).collect();
+    let bands: Vec<f64> = (0..solution.bands()).map(|band| solution.evaluate(shown, cell, middle, band)).collect();
     (luminance(rgb(&bands)), patch.area())
 }
 

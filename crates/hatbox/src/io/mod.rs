@@ -1,5 +1,12 @@
-//! Files: what Hatbox reads and writes.
+//! Files: what is read and what is written. Nothing above this module knows of a format.
 
 pub mod atomic;
+pub mod csv;
 pub mod npy;
 pub mod npz;
+pub mod picture;
+pub mod vtu;
+pub mod write;
+pub mod write_gltf;
+
+pub use write::{OUTPUTS, Output, WriteError, WriteOptions, write, writer_for};

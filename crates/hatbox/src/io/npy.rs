@@ -25,7 +25,7 @@ macro_rules! scalar {
     )*};
 }
 
-scalar!(f64 => "<f8", f32 => "<f4", i64 => "<i8", i32 => "<i4", u32 => "<u4", u8 => "|u1");
+scalar!(f64 => "<f8", f32 => "<f4", u64 => "<u8", i32 => "<i4", u32 => "<u4", u8 => "|u1");
 
 impl Scalar for bool {
     const DESCR: &'static str = "|b1";

@@ -68,15 +68,15 @@ fn scene<W: Write + Seek>(archive: &mut Archive<W>, scene: &Scene) -> io::Result
 
 fn mesh<W: Write + Seek>(archive: &mut Archive<W>, mesh: &Mesh) -> io::Result<()> {
     let cells = mesh.cells.len();
-    archive.array("vertices", &[mesh.vertices.len(), 3], mesh.vertices.iter().flat_map(|p| p.to_array()))?;
+    archive.array("vertices", &[mesh.vertices.len(), 3], mesh.vertices.iter().flat_map(glam::DVec3::to_array))?;
     archive.array("cells", &[cells, 4], mesh.cells.iter().flat_map(|cell| cell.vertices))?;
     archive.array("corners", &[cells], mesh.cells.iter().map(|cell| cell.shape.corners() as u8))?;
     archive.array("material", &[cells], mesh.cells.iter().map(|cell| cell.material))?;
     archive.array("group", &[cells], mesh.cells.iter().map(|cell| cell.group))?;
     archive.array("surface", &[cells], mesh.cells.iter().map(|cell| cell.surface))?;
-    let uvs = mesh.uvs.iter().flatten().flat_map(|uv| uv.to_array());
+    let uvs = mesh.uvs.iter().flatten().flat_map(glam::DVec2::to_array);
     archive.array("uvs", &[mesh.uvs.len(), 4, 2], uvs)?;
-    let normals = mesh.normals.iter().flatten().flat_map(|n| n.to_array());
+    let normals = mesh.normals.iter().flatten().flat_map(glam::DVec3::to_array);
     archive.array("normals", &[mesh.normals.len(), 4, 3], normals)?;
     let names: Vec<&str> = mesh.groups.iter().map(String::as_str).collect();
     archive.texts("group_names", &names)
@@ -135,14 +135,14 @@ fn texture_index(quantity: &Quantity, textures: &mut Vec<Arc<Texture>>) -> i32 {
         textures.push(Arc::clone(texture));
         textures.len() - 1
     });
-    index as i32
+    i32::try_from(index).unwrap_or(-1)
 }
 
 fn functions<W: Write + Seek>(archive: &mut Archive<W>, solution: &Solution) -> io::Result<()> {
     let space = &solution.space;
     archive.text("basis", space.basis().name)?;
     archive.array("continuous", &[], [space.continuity().is_some()])?;
-    archive.array("offsets", &[space.offsets().len()], space.offsets().iter().map(|&offset| offset as i64))?;
+    archive.array("offsets", &[space.offsets().len()], space.offsets().iter().map(|&offset| offset as u64))?;
     let nodes = (0..space.cells()).flat_map(|cell| {
         let patch = solution.scene.mesh.patch(cell);
         space.element(cell).nodes.iter().flat_map(move |node| patch.point(node.at).to_array())
