@@ -177,13 +177,24 @@ fn point(values: [f64; 6]) -> Result<Point, String> {
     Ok(Point { position: DVec3::new(x, y, z), normal })
 }
 
-/// The fields of a line: between semicolons if it has any, else between commas, else between blanks.
+/// The fields of a line: between semicolons if it has any, else between commas, else between blanks. What stands in
+/// quotes is one field.
 fn fields(line: &str) -> Vec<&str> {
-    let separator = [';', ','].into_iter().find(|&s| line.contains(s));
-    match separator {
-        Some(separator) => line.split(separator).map(|field| field.trim().trim_matches('"')).collect(),
-        None => line.split_whitespace().map(|field| field.trim_matches('"')).collect(),
-    }
+    let mut quoted = false;
+    let mut outside = |c: char| {
+        quoted ^= c == '"';
+        !quoted
+    };
+    let unquoted: String = line.chars().filter(|&c| outside(c)).collect();
+    let separator = [';', ','].into_iter().find(|&s| unquoted.contains(s));
+    let mut quoted = false;
+    let at_separator = |c: char| {
+        quoted ^= c == '"';
+        !quoted && separator.map_or(c.is_whitespace(), |s| s == c)
+    };
+    let fields = line.split(at_separator).map(|field| field.trim().trim_matches('"'));
+    // Several blanks are one separator; between two commas there is an empty field.
+    fields.filter(|field| separator.is_some() || !field.is_empty()).collect()
 }
 
 /// Writes points with the values found there: the six columns of each point, then `E_0 …` and `B_0 …`, to a `.npy` array
@@ -232,7 +243,8 @@ fn values<'a>(irradiance: &'a MultiVector, radiosity: &'a MultiVector, row: usiz
 fn numbers(file: &mut impl Write, values: impl Iterator<Item = f64>, before: &str) -> io::Result<()> {
     let mut separator = before;
     for value in values {
-        write!(file, "{separator}{value:?}")?;
+        // Adding zero makes a negative zero a plain one.
+        write!(file, "{separator}{:?}", value + 0.0)?;
         separator = ",";
     }
     Ok(())
