@@ -68,7 +68,12 @@ impl Texture {
         })
     }
 
-    /// What it shows outside the unit square, along u and v.
+    /// The values, rows from top to bottom.
+    pub fn texels(&self) -> &[f32] {
+        &self.texels
+    }
+
+    /// What is shown outside the image, along u and v.
     pub fn wrap(&self) -> [Wrap; 2] {
         self.wrap
     }

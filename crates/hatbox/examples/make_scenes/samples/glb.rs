@@ -86,7 +86,10 @@ fn material(material: &Material) -> gltf_json::Material {
             ..Default::default()
         },
         emissive_factor: EmissiveFactor(material.radiance.map(|value| if emits { value / strongest } else { 0.0 })),
-        extensions: emits.then_some(gltf_json::extensions::material::Material { emissive_strength: Some(strength) }),
+        extensions: emits.then_some(gltf_json::extensions::material::Material {
+            emissive_strength: Some(strength),
+            ..Default::default()
+        }),
         ..Default::default()
     }
 }
