@@ -11,5 +11,5 @@ pub mod vtu;
 pub mod write;
 pub mod write_gltf;
 
-pub use read::{FORMATS, Format, RawScene, ReadError, read_raw};
+pub use read::{FORMATS, Format, RawScene, ReadError, read_raw, read_scene};
 pub use write::{OUTPUTS, Output, WriteError, WriteOptions, write, writer_for};

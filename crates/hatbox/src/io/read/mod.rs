@@ -20,7 +20,7 @@ pub use error::{ReadError, Snippet};
 pub use scene_file::EXAMPLE;
 
 use crate::mesh::Mesh;
-use crate::scene::{Camera, Material, Physics};
+use crate::scene::{Camera, Material, Physics, Scene};
 use std::path::Path;
 
 /// R of what a file gives no material.
@@ -98,7 +98,20 @@ pub static FORMATS: [Format; 3] = [
     },
 ];
 
-/// Reads a scene; the format follows the file name's extension.
+/// Reads a scene and makes it ready: checked, welded, repaired, the backs of two-sided faces added. What had to be
+/// repaired or passed over is the second value, a sentence each.
+///
+/// # Errors
+/// What is wrong with the file, and where.
+pub fn read_scene(path: &Path) -> Result<(Scene, Vec<String>), ReadError> {
+    let RawScene { mesh, materials, physics, camera, mut warnings } = read_raw(path)?;
+    let scene = Scene::new(mesh, materials, physics, camera)
+        .map_err(|error| ReadError::new(path, "", error.to_string(), "run `hatbox check` on it to see more"))?;
+    warnings.extend(scene.warnings.iter().map(ToString::to_string));
+    Ok((scene, warnings))
+}
+
+/// Reads what a file says, as it says it; the format follows the file name's extension.
 ///
 /// # Errors
 /// What is wrong with the file, and where.
