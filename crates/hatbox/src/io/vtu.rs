@@ -5,7 +5,8 @@
 //! and `VTK_LAGRANGE_TRIANGLE` for quadratics, whose nodes stand in the same order as ours.
 //!
 //! Arrays: `radiosity` and `irradiance` (one component per band), and of each cell `material`, `group` (indices) and
-//! `reflectance` (per band, NaN where a texture varies it). (Names are left out: string arrays are not read by `meshio`.)
+//! `reflectance` (per band, NaN where a texture varies it). (Names are left out: string arrays are not read by
+//! `meshio`.)
 //!
 //! The file is written here and not by `vtkio`: that crate's stable release is years old, and the format is one short
 //! XML header before raw little-endian arrays.

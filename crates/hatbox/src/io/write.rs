@@ -43,8 +43,8 @@ pub struct WriteOptions<'a> {
     pub exposure: Option<Exposure>,
     /// Whether `.png` shows luminance in false colours.
     pub false_color: bool,
-    /// Where the false colours end, in the unit of what is shown; if not given, at the brightest surfaces in the picture
-    /// but lamps.
+    /// Where the false colours end, in the unit of what is shown; if not given, at the brightest surfaces in the
+    /// picture but lamps.
     pub false_color_top: Option<f64>,
     /// Hears how a picture proceeds.
     pub progress: &'a dyn Progress,
