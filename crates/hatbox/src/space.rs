@@ -3,11 +3,60 @@
 //!
 //! Everything is computed in the *broken* space, where cells share nothing; continuity is a sparse matrix C whose
 //! columns are the joined functions (hats) written in broken coefficients. Assembly, elements and operators never hear
-//! of it: Δ_hat = CᵀΔC and F̂_hat = CᵀF̂C.
+//! of it: `Δ_hat = CᵀΔC` and `F̂_hat = CᵀF̂C`.
+//!
+//! Cells are joined across the edges they share, and only where radiosity cannot jump: see [`Continuity::Continuous`].
+//! Joining goes from cell to cell around a vertex, never through the vertex alone, so two surfaces that touch in a point
+//! stay apart.
 
-use crate::element::{Basis, Element};
+use crate::element::{Basis, Element, Entity};
 use crate::linalg::Csr;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Side, Topology, UnionFind};
+use crate::scene::Scene;
+use glam::DVec3;
+
+/// The greatest angle between normals across which the light is still taken to be continuous: 30°. Facets of a curved
+/// surface meet at less (a cylinder of twelve sides just so); the edges that are meant as edges at more.
+pub const CREASE_ANGLE: f64 = std::f64::consts::PI / 6.0;
+
+/// Where functions are continuous.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Continuity {
+    /// Nowhere: every cell on its own.
+    Broken,
+    /// Across an edge whose two cells run through it in opposite directions, are turned against each other by no more
+    /// than the crease angle (as are the normals that the file gives at the edge's ends), and reflect and emit the same.
+    /// Where more than two cells meet, the flattest pairs are joined first; the two sides of a sheet never.
+    Continuous {
+        /// The greatest angle between the normals, in radians.
+        crease_angle: f64,
+    },
+}
+
+impl Continuity {
+    /// The names users type, with one line of help for each.
+    pub const NAMES: [(&'static str, &'static str); 2] = [
+        ("continuous", "joined across edges, except at creases and where the material changes"),
+        ("broken", "every element on its own"),
+    ];
+
+    /// The continuity of that name, with the usual [`CREASE_ANGLE`].
+    pub fn named(name: &str) -> Option<Self> {
+        match name {
+            "continuous" => Some(Self::Continuous { crease_angle: CREASE_ANGLE }),
+            "broken" => Some(Self::Broken),
+            _ => None,
+        }
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Continuous { .. } => "continuous",
+            Self::Broken => "broken",
+        }
+    }
+}
 
 /// An element on every cell of a mesh, and how they are joined.
 #[derive(Debug, Clone)]
@@ -29,6 +78,45 @@ pub struct NoElement {
 }
 
 impl FunctionSpace {
+    /// The space of a basis on the cells of a scene. A basis whose functions live inside the cells (`constant`) has
+    /// nothing to join and gives the broken space.
+    ///
+    /// # Errors
+    /// [`NoElement`] if a cell's shape has no element in this basis.
+    pub fn new(scene: &Scene, basis: &'static Basis, continuity: Continuity) -> Result<Self, NoElement> {
+        let mut space = Self::broken(&scene.mesh, basis)?;
+        if let Continuity::Continuous { crease_angle } = continuity
+            && basis.can_be_continuous()
+        {
+            let mut sets = UnionFind::new(space.broken_dofs());
+            for [a, b] in joints(scene, crease_angle) {
+                space.join(&scene.mesh, a, b, &mut sets);
+            }
+            space.continuity = Some(numbered(&mut sets, space.broken_dofs()));
+        }
+        Ok(space)
+    }
+
+    /// Makes the coefficients of two cells the same on an edge that they run through in opposite directions.
+    fn join(&self, mesh: &Mesh, a: Side, b: Side, sets: &mut UnionFind) {
+        for (i, place) in self.nodes_on(mesh, a) {
+            for (j, _) in self.nodes_on(mesh, b).filter(|&(_, other)| other == place) {
+                sets.join(i, j);
+            }
+        }
+    }
+
+    /// The broken coefficients of a cell's nodes on an edge, each with the vertex it sits on (`None`: in the middle).
+    fn nodes_on<'a>(&'a self, mesh: &'a Mesh, side: Side) -> impl Iterator<Item = (usize, Option<u32>)> + 'a {
+        let (cell, edge) = (side.cell as usize, usize::from(side.edge));
+        let corners = mesh.cells[cell].corners();
+        self.elements[cell].nodes.iter().zip(self.range(cell)).filter_map(move |(node, dof)| match node.on {
+            Entity::Corner(k) if k == edge || k == (edge + 1) % corners.len() => Some((dof, Some(corners[k]))),
+            Entity::Edge(k) if k == edge => Some((dof, None)),
+            _ => None,
+        })
+    }
+
     /// The broken space: every cell on its own.
     ///
     /// # Errors
@@ -83,4 +171,71 @@ impl FunctionSpace {
     pub fn continuity(&self) -> Option<&Csr> {
         self.continuity.as_ref()
     }
+}
+
+/// The pairs of cells across whose common edge functions are continuous.
+fn joints(scene: &Scene, crease_angle: f64) -> Vec<[Side; 2]> {
+    let topology = Topology::new(&scene.mesh);
+    let mut joints: Vec<[Side; 2]> = Vec::new();
+    for edge in 0..topology.edges() {
+        let sides = topology.sides(edge);
+        let pairs = sides.iter().enumerate().flat_map(|(i, a)| sides[i + 1..].iter().map(move |b| [*a, *b]));
+        let mut candidates: Vec<(f64, [Side; 2])> =
+            pairs.filter_map(|pair| Some((bend(scene, pair, crease_angle)?, pair))).collect();
+        // Stable, so that equally flat pairs stay in the order of their cells.
+        candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let first = joints.len();
+        for (_, [a, b]) in candidates {
+            if joints[first..].iter().flatten().all(|taken| *taken != a && *taken != b) {
+                joints.push([a, b]);
+            }
+        }
+    }
+    joints
+}
+
+/// The angle between the normals of two cells at an edge, if functions are continuous there.
+fn bend(scene: &Scene, [a, b]: [Side; 2], crease_angle: f64) -> Option<f64> {
+    let (cell, other) = (a.cell as usize, b.cell as usize);
+    let cells = &scene.mesh.cells;
+    let angle = scene.mesh.normal_angle(cell, other);
+    // A crease angle of exactly the facets' angle is meant to join them.
+    let crease_angle = crease_angle + 1e-9;
+    let joined = cell != other
+        && a.forward != b.forward
+        && angle <= crease_angle
+        && scene.same_material(cells[cell].material, cells[other].material)
+        && split_normals(&scene.mesh, a, b) <= crease_angle;
+    joined.then_some(angle)
+}
+
+/// The greatest angle between the normals that the file gives two cells at the ends of an edge; 0 if it gives none.
+fn split_normals(mesh: &Mesh, a: Side, b: Side) -> f64 {
+    if mesh.normals.is_empty() {
+        return 0.0;
+    }
+    let ends = |side: Side| {
+        let (cell, k) = (side.cell as usize, usize::from(side.edge));
+        [k, (k + 1) % mesh.cells[cell].corners().len()].map(|corner| mesh.normals[cell][corner])
+    };
+    let ([a0, a1], [b0, b1]) = (ends(a), ends(b));
+    let angle = |m: DVec3, n: DVec3| m.cross(n).length().atan2(m.dot(n));
+    angle(a0, b1).max(angle(a1, b0))
+}
+
+/// C from the sets of coefficients that are one: an unknown per set, in order of first appearance.
+fn numbered(sets: &mut UnionFind, broken_dofs: usize) -> Csr {
+    let mut unknown = vec![u32::MAX; broken_dofs];
+    let mut count = 0;
+    let mut triplets = Vec::with_capacity(broken_dofs);
+    for dof in 0..broken_dofs {
+        // A set is named by its least member, so the name comes first.
+        let set = sets.find(dof);
+        if set == dof {
+            unknown[dof] = count;
+            count += 1;
+        }
+        triplets.push((dof as u32, unknown[set], 1.0));
+    }
+    Csr::from_triplets(broken_dofs, count as usize, triplets)
 }

@@ -5,8 +5,11 @@ pub mod csv;
 pub mod npy;
 pub mod npz;
 pub mod picture;
+pub mod read;
+pub mod unit;
 pub mod vtu;
 pub mod write;
 pub mod write_gltf;
 
+pub use read::{FORMATS, Format, RawScene, ReadError, read_raw};
 pub use write::{OUTPUTS, Output, WriteError, WriteOptions, write, writer_for};

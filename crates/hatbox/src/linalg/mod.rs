@@ -12,6 +12,7 @@ mod multivector;
 pub use block_diagonal::BlockDiagonal;
 pub use csr::Csr;
 pub use multivector::MultiVector;
+pub(crate) use multivector::dot;
 
 /// A linear map applied to all columns of a [`MultiVector`] in one pass.
 ///
@@ -45,5 +46,25 @@ impl LinearOperator for Identity {
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
         y.clone_from(x);
+    }
+}
+
+/// A diagonal matrix, the same for all bands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Diagonal(pub Vec<f64>);
+
+impl LinearOperator for Diagonal {
+    fn rows(&self) -> usize {
+        self.0.len()
+    }
+    fn cols(&self) -> usize {
+        self.0.len()
+    }
+    fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
+        for band in 0..x.bands() {
+            for ((y, x), d) in y.band_mut(band).iter_mut().zip(x.band(band)).zip(&self.0) {
+                *y = d * x;
+            }
+        }
     }
 }

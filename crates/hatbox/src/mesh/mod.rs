@@ -5,9 +5,23 @@
 //! when seen from the side that sends and receives light. A two-sided sheet is two cells with the same
 //! [`surface`](Cell::surface).
 
+mod box_tree;
+mod conform;
+mod corner;
+mod diagnose;
+mod intersect;
 mod patch;
+mod refine;
+mod topology;
+mod weld;
 
+pub(crate) use corner::{Builder, Corner};
+pub use diagnose::{Example, Finding, FindingKind, Severity, diagnose, diagnose_sheets};
 pub use patch::Patch;
+pub use refine::{MAX_CELLS, RefineError, Refinement};
+pub(crate) use topology::UnionFind;
+pub use topology::{Side, Topology};
+pub use weld::RELATIVE_TOLERANCE;
 
 use crate::element::Shape;
 use glam::{DVec2, DVec3};

@@ -60,6 +60,14 @@ impl Quantity {
         }
     }
 
+    /// What the texture of a band is multiplied with; `None` unless there is a texture.
+    pub fn factor(&self, band: usize) -> Option<f64> {
+        match self {
+            Self::Textured { factor, .. } => Some(broadcast(factor, band)),
+            _ => None,
+        }
+    }
+
     /// Whether it is zero everywhere in every band.
     pub fn is_zero(&self) -> bool {
         match self {

@@ -3,9 +3,11 @@
 //! All quantities are in the units of the design's table: metres, lm/m² or W/m², reflectance between 0 and 1. File
 //! formats convert at their border; nothing behind them knows of centimetres, candela or kelvin.
 
+mod build;
 mod material;
 mod texture;
 
+pub use build::{SceneError, Warning};
 pub use material::{Material, Quantity, STEFAN_BOLTZMANN, Site};
 pub use texture::{Texture, Wrap};
 
@@ -69,6 +71,8 @@ pub struct Scene {
     pub physics: Physics,
     /// The file's camera, if it has one.
     pub camera: Option<Camera>,
+    /// What was repaired in the input.
+    pub warnings: Vec<Warning>,
 }
 
 impl Scene {

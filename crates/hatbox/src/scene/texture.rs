@@ -59,6 +59,15 @@ impl Texture {
         self.channels
     }
 
+    /// The least and the greatest texel of a band; not a number if one of them is not.
+    pub fn range(&self, band: usize) -> (f64, f64) {
+        let channel = band.min(self.channels - 1);
+        let texels = self.texels.iter().skip(channel).step_by(self.channels).map(|&t| f64::from(t));
+        texels.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), t| {
+            if t.is_nan() { (t, t) } else { (if t < lo { t } else { lo }, if t > hi { t } else { hi }) }
+        })
+    }
+
     /// The values, rows from top to bottom.
     pub fn texels(&self) -> &[f32] {
         &self.texels
@@ -100,6 +109,14 @@ mod tests {
         for (u, expected) in [(0.25, 0.0), (0.75, 1.0), (0.5, 0.5), (0.0, 0.0), (7.0, 1.0)] {
             assert!((texture.sample(DVec2::new(u, 0.5), 0) - expected).abs() < 1e-12, "u = {u}");
         }
+    }
+
+    #[test]
+    fn the_range_of_a_band_spans_its_texels_and_shows_what_is_no_number() {
+        let texture = |texels| Texture::new(2, 1, 2, texels, [Wrap::Clamp; 2]).expect("fits");
+        let fine = texture(vec![0.5, 7.0, 0.25, 3.0]);
+        assert_eq!([fine.range(0), fine.range(1), fine.range(2)], [(0.25, 0.5), (3.0, 7.0), (3.0, 7.0)]);
+        assert!(texture(vec![f32::NAN, 7.0, 0.25, 3.0]).range(0).0.is_nan());
     }
 
     #[test]

@@ -184,7 +184,8 @@ impl Archive {
         let corners = vectors(&self.finite("surfaces", &[ANY, 4, 3])?);
         let surfaces: Arc<[Surface]> = corners.as_chunks().0.iter().map(|&corners| Surface { corners }).collect();
         let mesh = self.mesh(materials.len(), surfaces.len())?;
-        Ok(Scene { mesh, materials, surfaces, bands, physics, camera: self.camera()? })
+        let camera = self.camera()?;
+        Ok(Scene { mesh, materials, surfaces, bands, physics, camera, warnings: Vec::new() })
     }
 
     fn camera(&mut self) -> Result<Option<Camera>> {

@@ -1,4 +1,4 @@
-//! The equation put together, and its solution as a function on the surfaces.
+//! The solution as a function on the surfaces.
 
 use crate::element::MAX_DOFS;
 use crate::linalg::MultiVector;

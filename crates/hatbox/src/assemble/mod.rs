@@ -1,0 +1,9 @@
+//! The integrals of the finite-element system: mass, load, and the exchange between pairs of panels.
+
+mod forms;
+mod pair;
+mod panel;
+
+pub use forms::{function_weighted_mass, load, mass, project, weighted_mass};
+pub use pair::{Accuracy, Block, Sight, facing_parts, pair_block};
+pub use panel::Panel;

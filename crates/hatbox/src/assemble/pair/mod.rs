@@ -1,0 +1,158 @@
+//! S_ij = ∬ N_i N_j G V over a pair of panels, to a requested tolerance.
+//!
+//! | pair | rule |
+//! |---|---|
+//! | coplanar, behind each other, or proven hidden | exactly 0 |
+//! | far | symmetric Gauss on both sides, of the smallest degree whose a-priori error is small enough |
+//! | sharing an edge or a corner, uncut | Sauter–Schwab, order n raised until n and n + 2 agree |
+//! | near, or cut by the other's horizon | closed-form inner integral, adaptive outer rule |
+//! | near, and no closed form (bilinear on a trapezium) | the pair is subdivided |
+//! | partially hidden | the unoccluded block, corrected by low-discrepancy rays (`sampled`) |
+//!
+//! Every rule returns an error estimate along with its block.
+
+mod gauss;
+mod near;
+mod region;
+mod sampled;
+mod touching;
+
+use super::Panel;
+use crate::element::MAX_DOFS;
+use glam::DVec3;
+use region::Region;
+
+/// What is known of the sight between two panels.
+#[derive(Clone, Copy)]
+pub enum Sight<'a> {
+    /// Nothing is between them.
+    Clear,
+    /// They cannot see each other.
+    Blocked,
+    /// Something may be between them; ask whether it hides one point from another.
+    Partial(&'a (dyn Fn(DVec3, DVec3) -> bool + Sync)),
+}
+
+/// How accurate pair integrals are to be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Accuracy {
+    /// Relative error τ: the errors of a row add up to about τ times the row's sum.
+    pub tolerance: f64,
+    /// Area of all panels: pairs smaller than their share A_i A_j / A of a mean row need less relative accuracy.
+    pub total_area: f64,
+    /// Most rays for a pair.
+    pub max_rays: u32,
+    /// Seed of the rays.
+    pub seed: u64,
+}
+
+impl Accuracy {
+    /// τ for a scene of that area, with an unlimited number of rays.
+    pub fn new(tolerance: f64, total_area: f64) -> Self {
+        Self { tolerance, total_area, max_rays: 1 << 20, seed: 0 }
+    }
+
+    /// The error in m² that a pair with ∬G = `value` may have.
+    fn budget(&self, a: &Panel, b: &Panel, value: f64) -> f64 {
+        self.tolerance * value.max(a.area() * b.area() / self.total_area)
+    }
+}
+
+/// A block of S: n_a × n_b numbers row by row in m², and how it was reached.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Block {
+    values: [f64; MAX_DOFS * MAX_DOFS],
+    columns: usize,
+    len: usize,
+    /// Estimated error of the quadrature, as an error of ∬G in m².
+    pub quadrature_error: f64,
+    /// Estimated error of the sampled visibility, likewise.
+    pub visibility_error: f64,
+    /// Rays cast.
+    pub rays: u32,
+}
+
+impl Block {
+    fn zeros(a: &Panel, b: &Panel) -> Self {
+        let (rows, columns) = (a.element.dofs(), b.element.dofs());
+        let values = [0.0; MAX_DOFS * MAX_DOFS];
+        Self { values, columns, len: rows * columns, quadrature_error: 0.0, visibility_error: 0.0, rays: 0 }
+    }
+
+    /// The entries, row by row.
+    pub fn values(&self) -> &[f64] {
+        &self.values[..self.len]
+    }
+
+    /// ∬ G V: the sum of the entries, since shape functions sum to 1.
+    pub fn sum(&self) -> f64 {
+        self.values().iter().sum()
+    }
+
+    /// Adds w N(x) t, t being a row over the second panel's functions.
+    fn add(&mut self, weight: f64, functions: &[f64; MAX_DOFS], row: &[f64; MAX_DOFS]) {
+        for (values, n) in self.values[..self.len].chunks_exact_mut(self.columns).zip(functions) {
+            for (value, t) in values.iter_mut().zip(row) {
+                *value += weight * n * t;
+            }
+        }
+    }
+
+    /// Adds another block with its errors.
+    fn accumulate(&mut self, other: &Self) {
+        for (a, b) in self.values.iter_mut().zip(&other.values) {
+            *a += b;
+        }
+        self.quadrature_error += other.quadrature_error;
+    }
+
+    /// The block of the panels in the other order.
+    fn transposed(&self) -> Self {
+        let (rows, columns) = (self.len / self.columns, self.columns);
+        let mut result = Self { columns: rows, ..*self };
+        for i in 0..rows {
+            for j in 0..columns {
+                result.values[j * rows + i] = self.values[i * columns + j];
+            }
+        }
+        result
+    }
+
+    /// The difference of two blocks, as the error of ∬G that it amounts to: Σ|difference|.
+    fn distance(&self, other: &Self) -> f64 {
+        self.values().iter().zip(other.values()).map(|(a, b)| (a - b).abs()).sum()
+    }
+}
+
+/// The block S_ab of two panels. `weights` are how strongly errors count that reach a from b, and b from a (1 unless
+/// one of them is a strong emitter).
+pub fn pair_block(a: &Panel, b: &Panel, sight: Sight<'_>, weights: [f64; 2], accuracy: &Accuracy) -> Block {
+    let zero = Block::zeros(a, b);
+    if matches!(sight, Sight::Blocked) {
+        return zero;
+    }
+    let (Some(on_a), Some(on_b)) = (Region::visible(a, b), Region::visible(b, a)) else { return zero };
+    let block = unoccluded(a, &on_a, b, &on_b, accuracy);
+    match sight {
+        Sight::Partial(hides) => sampled::visible_part(a, &on_a, b, &on_b, &block, hides, weights, accuracy),
+        _ => block,
+    }
+}
+
+/// The polygons in which two panels see each other but for what stands between: each cut at the other's horizon. `None`
+/// if they cannot see each other.
+pub fn facing_parts(a: &Panel, b: &Panel) -> Option<(Vec<DVec3>, Vec<DVec3>)> {
+    let (on_a, on_b) = (Region::visible(a, b)?, Region::visible(b, a)?);
+    Some((on_a.corners().to_vec(), on_b.corners().to_vec()))
+}
+
+/// The block as if nothing stood between.
+fn unoccluded(a: &Panel, on_a: &Region, b: &Panel, on_b: &Region, accuracy: &Accuracy) -> Block {
+    if let Some(block) = gauss::far(a, on_a, b, on_b, accuracy) {
+        return block;
+    }
+    if on_a.whole && on_b.whole && touching::shares_a_corner(a, b) {
+        return touching::block(a, b, accuracy);
+    }
+    near::block(a, on_a, b, on_b, accuracy)
+}

@@ -1,0 +1,165 @@
+//! Pairs too near for Gauss rules: the inner integral in closed form, the outer by an adaptive rule.
+//!
+//! The inner function is the irradiance from a whole polygon, bounded everywhere, even on the polygon's own edges; the
+//! outer rule only has to resolve its kinks. So this rule is right for any position of the pair, touching or not, and
+//! is what every other rule falls back to.
+
+use super::gauss::{Nodes, product};
+use super::region::triangle_area;
+use super::{Accuracy, Block, Region};
+use crate::assemble::Panel;
+use crate::element::{MAX_DOFS, Shape};
+use crate::kernel::Moments;
+use crate::quadrature::rule;
+use glam::{DVec2, DVec3};
+
+/// Degrees of the outer rule and of the one that checks it.
+const OUTER: [usize; 2] = [8, 5];
+/// Subdivisions of the outer triangle at the most: what is left then is 4^-12 of its area.
+const MAX_DEPTH: usize = 12;
+/// Outer triangles at the most.
+const MAX_PIECES: usize = 4096;
+
+/// The block by closed form where there is one, by subdivision otherwise.
+pub(super) fn block(a: &Panel, on_a: &Region, b: &Panel, on_b: &Region, accuracy: &Accuracy) -> Block {
+    // The larger element inside, where a closed form exists.
+    let b_inside = b.functions.is_some() && (a.functions.is_none() || a.area() <= b.area());
+    if b_inside {
+        Outer { inner: Inner::new(b, on_b), panel: a, source: b }.integrate(on_a, accuracy)
+    } else if a.functions.is_some() {
+        Outer { inner: Inner::new(a, on_a), panel: b, source: a }.integrate(on_b, accuracy).transposed()
+    } else {
+        subdivided(a, on_a, b, on_b, accuracy)
+    }
+}
+
+/// x ↦ ∫N_k(y) G(x, y) dA(y) over a region of a panel.
+struct Inner<'a> {
+    panel: &'a Panel,
+    polygon: [DVec2; 8],
+    len: usize,
+}
+
+impl<'a> Inner<'a> {
+    fn new(panel: &'a Panel, region: &Region) -> Self {
+        let mut polygon = [DVec2::ZERO; 8];
+        for (p, &corner) in polygon.iter_mut().zip(region.corners()) {
+            *p = panel.plane.project(corner);
+        }
+        Self { panel, polygon, len: region.corners().len() }
+    }
+
+    fn at(&self, x: DVec3, normal: DVec3) -> [f64; MAX_DOFS] {
+        let functions = self.panel.functions.as_ref().unwrap_or(&[[0.0; 6]; MAX_DOFS]);
+        let functions = &functions[..self.panel.element.dofs()];
+        let degree = match self.panel.element.degree {
+            0 => 0,
+            // ξη is of degree 2.
+            _ if functions.iter().any(|f| f[3..].iter().any(|&c| c != 0.0)) => 2,
+            degree => degree,
+        };
+        let moments = Moments::new(&self.panel.plane, &self.polygon[..self.len], x, normal, degree);
+        let mut values = [0.0; MAX_DOFS];
+        for (value, function) in values.iter_mut().zip(functions) {
+            *value = moments.integrate(function);
+        }
+        values
+    }
+}
+
+/// The outer integral, over the panel that receives.
+struct Outer<'a> {
+    inner: Inner<'a>,
+    panel: &'a Panel,
+    source: &'a Panel,
+}
+
+/// A triangle of the outer panel with its integral and the error of that.
+struct Piece {
+    triangle: [DVec3; 3],
+    depth: usize,
+    block: Block,
+}
+
+impl Outer<'_> {
+    /// Splits the piece with the largest error until the sum of the errors is within the budget.
+    fn integrate(&self, region: &Region, accuracy: &Accuracy) -> Block {
+        let mut pieces: Vec<Piece> = region.triangles().map(|t| self.piece(t, 0)).collect();
+        loop {
+            let mut total = Block::zeros(self.panel, self.source);
+            for piece in &pieces {
+                total.accumulate(&piece.block);
+            }
+            let budget = accuracy.budget(self.panel, self.source, total.sum());
+            if total.quadrature_error <= budget || pieces.len() >= MAX_PIECES {
+                return total;
+            }
+            // Every piece with more than its share of the budget is split in this round.
+            let share = budget / (2.0 * pieces.len() as f64);
+            let (split, mut kept): (Vec<_>, Vec<_>) =
+                pieces.into_iter().partition(|p| p.block.quadrature_error > share && p.depth < MAX_DEPTH);
+            if split.is_empty() {
+                return total;
+            }
+            for Piece { triangle, depth, .. } in split {
+                kept.extend(quarters(&triangle).map(|t| self.piece(t, depth + 1)));
+            }
+            pieces = kept;
+        }
+    }
+
+    fn piece(&self, triangle: [DVec3; 3], depth: usize) -> Piece {
+        let [mut block, check] = OUTER.map(|degree| self.rule(&triangle, degree));
+        block.quadrature_error = block.distance(&check);
+        Piece { triangle, depth, block }
+    }
+
+    /// Σ_p w_p N(x_p) (inner at x_p)ᵀ.
+    fn rule(&self, triangle: &[DVec3; 3], degree: usize) -> Block {
+        let mut block = Block::zeros(self.panel, self.source);
+        let rule = rule(Shape::Triangle, degree);
+        let area = triangle_area(triangle);
+        for (&[u, v], weight) in rule.points.iter().zip(&rule.weights) {
+            let x = triangle[0] * (1.0 - u - v) + triangle[1] * u + triangle[2] * v;
+            block.add(weight * area, &self.panel.values(x), &self.inner.at(x, self.panel.normal()));
+        }
+        block
+    }
+}
+
+/// The four triangles that the midpoints of the edges cut a triangle into.
+pub(super) fn quarters(&[a, b, c]: &[DVec3; 3]) -> [[DVec3; 3]; 4] {
+    let (ab, bc, ca) = (a.midpoint(b), b.midpoint(c), c.midpoint(a));
+    [[a, ab, ca], [ab, b, bc], [ca, bc, c], [bc, ca, ab]]
+}
+
+/// Pairs of triangles are halved until Gauss rules agree: for shape functions that are no polynomials.
+fn subdivided(a: &Panel, on_a: &Region, b: &Panel, on_b: &Region, accuracy: &Accuracy) -> Block {
+    let mut stack: Vec<_> =
+        on_a.triangles().flat_map(|s| on_b.triangles().map(move |t| (s, t, 0))).collect();
+    let mut total = Block::zeros(a, b);
+    // A pair may err by its share of the areas, which keeps the sum within the budget of the pair of panels.
+    let whole = on_a.area() * on_b.area();
+    let rough: f64 = stack.iter().map(|(s, t, _)| triangle_pair(a, s, b, t).sum()).sum();
+    let budget = accuracy.budget(a, b, rough);
+    while let Some((s, t, depth)) = stack.pop() {
+        let block = triangle_pair(a, &s, b, &t);
+        let share = budget * (triangle_area(&s) * triangle_area(&t) / whole).sqrt();
+        if block.quadrature_error <= share || depth >= MAX_DEPTH || stack.len() > MAX_PIECES {
+            total.accumulate(&block);
+        } else if triangle_area(&s) >= triangle_area(&t) {
+            stack.extend(quarters(&s).map(|s| (s, t, depth + 1)));
+        } else {
+            stack.extend(quarters(&t).map(|t| (s, t, depth + 1)));
+        }
+    }
+    total
+}
+
+/// A pair of triangles by Gauss rules of two degrees.
+pub(super) fn triangle_pair(a: &Panel, s: &[DVec3; 3], b: &Panel, t: &[DVec3; 3]) -> Block {
+    let [mut block, check] =
+        OUTER.map(|degree| product(&Nodes::on_triangle(a, s, degree), &Nodes::on_triangle(b, t, degree), a, b));
+    block.quadrature_error = block.distance(&check);
+    block
+}

@@ -1,0 +1,134 @@
+//! The part of a panel that another can see: clipping at the horizon.
+
+use crate::assemble::Panel;
+use glam::DVec3;
+
+/// A planar convex polygon: a panel, or what is left of it in front of another panel's plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Region {
+    corners: [DVec3; MAX_CORNERS],
+    len: usize,
+    /// Nothing was cut off.
+    pub(crate) whole: bool,
+}
+
+const MAX_CORNERS: usize = 6;
+
+/// Corners closer to a plane than this fraction of the pair's size lie in it: files hold single-precision coordinates,
+/// and walls that are flat in the file stay flat for the light. What is neglected is of the order of its square.
+const FLAT: f64 = 1e-6;
+
+impl Region {
+    /// The part of `panel` in front of the plane of `other`, `None` if there is none.
+    pub(crate) fn visible(panel: &Panel, other: &Panel) -> Option<Self> {
+        let origin = other.patch.corners()[0];
+        let flat = FLAT * (panel.radius + other.radius);
+        let corners = panel.patch.corners();
+        let mut heights = [0.0; 4];
+        for (height, &corner) in heights.iter_mut().zip(corners) {
+            *height = other.normal().dot(corner - origin);
+        }
+        let heights = &heights[..corners.len()];
+        if heights.iter().all(|&h| h <= flat) {
+            return None;
+        }
+        if heights.iter().all(|&h| h >= -flat) {
+            return Some(Self::of(corners));
+        }
+        Some(Self::clip(corners, heights))
+    }
+
+    /// The whole polygon.
+    pub(crate) fn of(corners: &[DVec3]) -> Self {
+        let mut region = Self { corners: [DVec3::ZERO; MAX_CORNERS], len: corners.len(), whole: true };
+        region.corners[..corners.len()].copy_from_slice(corners);
+        region
+    }
+
+    /// Sutherland–Hodgman against one plane, given the corners' heights above it.
+    fn clip(corners: &[DVec3], heights: &[f64]) -> Self {
+        let mut region = Self { corners: [DVec3::ZERO; MAX_CORNERS], len: 0, whole: false };
+        for k in 0..corners.len() {
+            let next = (k + 1) % corners.len();
+            let (h, h_next) = (heights[k], heights[next]);
+            if h >= 0.0 {
+                region.push(corners[k]);
+            }
+            if (h > 0.0 && h_next < 0.0) || (h < 0.0 && h_next > 0.0) {
+                region.push(corners[k].lerp(corners[next], h / (h - h_next)));
+            }
+        }
+        region
+    }
+
+    fn push(&mut self, corner: DVec3) {
+        self.corners[self.len] = corner;
+        self.len += 1;
+    }
+
+    /// The corners, in the panel's order.
+    pub(crate) fn corners(&self) -> &[DVec3] {
+        &self.corners[..self.len]
+    }
+
+    /// The triangles of a fan from corner 0.
+    pub(crate) fn triangles(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
+        (1..self.len.saturating_sub(1)).map(|k| [self.corners[0], self.corners[k], self.corners[k + 1]])
+    }
+
+    /// The area.
+    pub(crate) fn area(&self) -> f64 {
+        self.triangles().map(|t| triangle_area(&t)).sum()
+    }
+
+    /// The point that the unit square's (u, v) is mapped to, uniformly in area.
+    pub(crate) fn sample(&self, u: f64, v: f64) -> DVec3 {
+        let mut left = u * self.area();
+        let mut point = self.corners[0];
+        for t in self.triangles() {
+            let area = triangle_area(&t);
+            let inside = left <= area;
+            let fraction = if area > 0.0 { (left / area).min(1.0) } else { 0.0 };
+            // Lines from corner 0: the fraction of the triangle's area before a line is its place on the far edge.
+            let root = v.sqrt();
+            point = t[0] * (1.0 - root) + (t[1] * (1.0 - fraction) + t[2] * fraction) * root;
+            if inside {
+                break;
+            }
+            left -= area;
+        }
+        point
+    }
+}
+
+/// The area of a triangle in space.
+pub(crate) fn triangle_area([a, b, c]: &[DVec3; 3]) -> f64 {
+    0.5 * (b - a).cross(c - a).length()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_cover_a_region_uniformly() {
+        let square = Region::of(&[DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y]);
+        let n = 64;
+        let grid = (0..n * n).map(|k| (f64::from(k % n) + 0.5, f64::from(k / n) + 0.5));
+        let points: Vec<_> = grid.map(|(u, v)| square.sample(u / f64::from(n), v / f64::from(n))).collect();
+        let count = points.len() as f64;
+        let mean = points.iter().copied().sum::<DVec3>() / count;
+        let moment = points.iter().map(|p| p.x * p.y).sum::<f64>() / count;
+        assert!(mean.distance(DVec3::new(0.5, 0.5, 0.0)) < 1e-3, "{mean}");
+        assert!((moment - 0.25).abs() < 1e-3, "{moment}");
+    }
+
+    #[test]
+    fn clipping_keeps_the_part_in_front() {
+        let corners = [DVec3::new(0.0, 0.0, -1.0), DVec3::new(1.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 3.0)];
+        let region = Region::clip(&corners, &corners.map(|c| c.z));
+        assert!(!region.whole);
+        assert!((region.area() - 2.0 * (0.75f64).powi(2)).abs() < 1e-15, "{}", region.area());
+        assert!(region.corners().iter().all(|c| c.z >= 0.0));
+    }
+}

@@ -1,0 +1,111 @@
+//! Panels that share an edge or a corner, by singularity-removing transforms.
+
+use super::{Accuracy, Block, Region, near};
+use crate::assemble::Panel;
+use crate::element::MAX_DOFS;
+use crate::kernel::geometric;
+use crate::quadrature::transform::{Contact, TouchingRule, touching_rule};
+use glam::DVec3;
+use std::sync::LazyLock;
+
+/// The orders that are tried; each is checked by the next.
+const ORDERS: [usize; 6] = [3, 5, 7, 9, 12, 16];
+/// Largest total degree of N_i N_j.
+const MAX_DEGREE: usize = 4;
+
+/// Rules by (contact, total degree of the shape functions, order).
+static RULES: LazyLock<Vec<Vec<Vec<LazyLock<TouchingRule, Box<dyn FnOnce() -> TouchingRule + Send>>>>>> =
+    LazyLock::new(|| {
+        let rule = |contact, degree, n| {
+            LazyLock::new(Box::new(move || touching_rule(contact, degree, n)) as Box<dyn FnOnce() -> _ + Send>)
+        };
+        let orders = |contact, degree| ORDERS.iter().map(|&n| rule(contact, degree, n)).collect();
+        let degrees = |contact| (0..=MAX_DEGREE).map(|degree| orders(contact, degree)).collect();
+        vec![degrees(Contact::Vertex), degrees(Contact::Edge)]
+    });
+
+/// Whether two panels have a corner in common.
+pub(super) fn shares_a_corner(a: &Panel, b: &Panel) -> bool {
+    let corners = |p: &Panel| p.patch.corners().len();
+    a.vertices[..corners(a)].iter().any(|v| b.vertices[..corners(b)].contains(v))
+}
+
+/// The block of two whole panels that touch: triangle by triangle.
+pub(super) fn block(a: &Panel, b: &Panel, accuracy: &Accuracy) -> Block {
+    let mut total = Block::zeros(a, b);
+    for s in a.patch.triangles() {
+        for t in b.patch.triangles() {
+            total.accumulate(&triangles(a, s, b, t, accuracy));
+        }
+    }
+    total
+}
+
+/// A triangle of each panel, given by its corners' places in the panel.
+fn triangles(a: &Panel, s: &[usize; 3], b: &Panel, t: &[usize; 3], accuracy: &Accuracy) -> Block {
+    let shared: Vec<(usize, usize)> = (0..9)
+        .map(|k| (k / 3, k % 3))
+        .filter(|&(i, j)| a.vertices[s[i]] == b.vertices[t[j]])
+        .collect();
+    let points = |panel: &Panel, corners: [usize; 3]| corners.map(|k| panel.patch.corners()[k]);
+    // The shared corners first, in the same order in both.
+    let first = |triangle: &[usize; 3], lead: &[usize]| {
+        let rest = (0..3).filter(|k| !lead.contains(k));
+        let order: Vec<usize> = lead.iter().copied().chain(rest).collect();
+        std::array::from_fn(|k| triangle[order[k]])
+    };
+    let (on_a, on_b): (Vec<_>, Vec<_>) = shared.iter().copied().unzip();
+    let (sa, tb) = (points(a, first(s, &on_a)), points(b, first(t, &on_b)));
+    let transformed = match shared.len() {
+        1 => transformed(Contact::Vertex, a, &sa, b, &tb, accuracy),
+        2 => transformed(Contact::Edge, a, &sa, b, &tb, accuracy),
+        _ => None,
+    };
+    transformed.unwrap_or_else(|| {
+        near::block(a, &Region::of(&points(a, *s)), b, &Region::of(&points(b, *t)), accuracy)
+    })
+}
+
+/// The order is raised until two in a row agree within the budget; `None` if they never do (an acute dihedral angle, a
+/// sliver).
+fn transformed(
+    contact: Contact,
+    a: &Panel,
+    s: &[DVec3; 3],
+    b: &Panel,
+    t: &[DVec3; 3],
+    accuracy: &Accuracy,
+) -> Option<Block> {
+    let degree = [a, b].map(polynomial_degree).iter().sum::<usize>();
+    let rules = &RULES[usize::from(contact == Contact::Edge)][degree];
+    let mut previous = apply(&rules[0], a, s, b, t);
+    for rule in &rules[1..] {
+        let mut block = apply(rule, a, s, b, t);
+        block.quadrature_error = block.distance(&previous);
+        if block.quadrature_error <= accuracy.budget(a, b, block.sum()) {
+            return Some(block);
+        }
+        previous = block;
+    }
+    None
+}
+
+/// Total degree of the shape functions along a line of the panel.
+fn polynomial_degree(panel: &Panel) -> usize {
+    let quadratic = panel.element.functions.iter().any(|f| f[3..].iter().any(|&c| c != 0.0));
+    if quadratic { 2 } else { panel.element.degree }
+}
+
+/// Σ_k w_k N(x_k) N(y_k)ᵀ G(x_k, y_k).
+fn apply(rule: &TouchingRule, a: &Panel, s: &[DVec3; 3], b: &Panel, t: &[DVec3; 3]) -> Block {
+    let mut block = Block::zeros(a, b);
+    let areas = super::region::triangle_area(s) * super::region::triangle_area(t);
+    let point = |triangle: &[DVec3; 3], w: &[f64; 3]| triangle[0] * w[0] + triangle[1] * w[1] + triangle[2] * w[2];
+    for ((u, v), weight) in rule.first.iter().zip(&rule.second).zip(&rule.weights) {
+        let (x, y) = (point(s, u), point(t, v));
+        let g = areas * weight * geometric(x, a.normal(), y, b.normal());
+        let row: [f64; MAX_DOFS] = b.values(y).map(|n| g * n);
+        block.add(1.0, &a.values(x), &row);
+    }
+    block
+}

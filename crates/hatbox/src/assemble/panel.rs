@@ -1,0 +1,175 @@
+use crate::element::{ALL, Element, MAX_DOFS, Polynomial, Shape};
+use crate::kernel::{Plane, Points};
+use crate::mesh::{Mesh, Patch};
+use crate::quadrature::{Rule, rule};
+use crate::scene::Surface;
+use crate::space::FunctionSpace;
+use glam::{DVec2, DVec3};
+use std::sync::LazyLock;
+
+/// Degrees of the symmetric Gauss rules that a pair of distant panels chooses from.
+pub(super) const LADDER: [usize; 4] = [1, 2, 5, 8];
+
+/// A cell as the pair integrals see it: its geometry, its shape functions as polynomials of the plane, and its
+/// quadrature nodes.
+#[derive(Debug, Clone)]
+pub struct Panel {
+    /// The geometry.
+    pub patch: Patch,
+    /// The shape functions on the reference cell.
+    pub element: &'static Element,
+    /// The corners' indices in the mesh: what touches is decided by them, not by coordinates.
+    pub vertices: [u32; 4],
+    /// The face of the input it belongs to.
+    pub surface: u32,
+    /// Centre of its bounding sphere.
+    pub center: DVec3,
+    /// Radius of its bounding sphere.
+    pub radius: f64,
+    pub(super) plane: Plane,
+    /// The shape functions in the plane's coordinates; `None` where they are no polynomials (a quad that is no
+    /// parallelogram, unless its element is constant).
+    pub(super) functions: Option<[Polynomial; MAX_DOFS]>,
+    pub(super) ladder: [Points; LADDER.len()],
+}
+
+impl Panel {
+    /// The panels of all cells of a mesh.
+    pub fn of(mesh: &Mesh, space: &FunctionSpace) -> Vec<Self> {
+        (0..mesh.cells.len())
+            .map(|cell| {
+                let found = &mesh.cells[cell];
+                Self::new(mesh.patch(cell), space.element(cell), found.vertices, found.surface)
+            })
+            .collect()
+    }
+
+    /// A panel on its own. Corners with the same index in `vertices` are the same point.
+    pub fn new(patch: Patch, element: &'static Element, vertices: [u32; 4], surface: u32) -> Self {
+        let plane = Plane::new(patch.corners()[0], patch.normal());
+        Self {
+            element,
+            vertices,
+            surface,
+            center: patch.center(),
+            radius: patch.radius(),
+            plane,
+            functions: polynomials(&patch, element, &plane),
+            ladder: LADDER.map(|degree| nodes(&patch, rule(patch.shape(), degree))),
+            patch,
+        }
+    }
+
+    /// The area.
+    pub fn area(&self) -> f64 {
+        self.patch.area()
+    }
+
+    /// The unit normal.
+    pub fn normal(&self) -> DVec3 {
+        self.patch.normal()
+    }
+
+    /// The whole face of the input that the panel is a part of, seen from the panel's side.
+    pub fn on_surface(&self, surface: &Surface) -> Self {
+        let [a, b, c, d] = surface.corners;
+        let shape = if c == d { Shape::Triangle } else { Shape::Quad };
+        let front = Patch::new(shape, [a, b, c, d]);
+        let back = if shape == Shape::Triangle { [a, c, b, b] } else { [a, d, c, b] };
+        let patch = if front.normal().dot(self.normal()) > 0.0 { front } else { Patch::new(shape, back) };
+        let element = ALL[0].element(shape).unwrap_or(ALL[0].triangle);
+        Self::new(patch, element, [u32::MAX; 4], self.surface)
+    }
+
+    /// N_k at a point of the panel.
+    pub fn values(&self, point: DVec3) -> [f64; MAX_DOFS] {
+        let Some(functions) = &self.functions else { return self.element.values(self.patch.locate(point)) };
+        let p = self.plane.project(point);
+        let m = crate::element::monomials([p.x, p.y]);
+        let mut values = [0.0; MAX_DOFS];
+        for (value, f) in values.iter_mut().zip(&functions[..self.element.dofs()]) {
+            *value = f.iter().zip(&m).map(|(c, m)| c * m).sum();
+        }
+        values
+    }
+
+    /// N_k at the nodes of a rung of the ladder.
+    pub(super) fn tabulated(&self, rung: usize) -> &'static [[f64; MAX_DOFS]] {
+        let index = ELEMENTS.iter().position(|e| std::ptr::eq(*e, self.element)).unwrap_or(0);
+        &TABLES[index][rung]
+    }
+}
+
+static ELEMENTS: LazyLock<Vec<&'static Element>> = LazyLock::new(|| {
+    ALL.iter().flat_map(|basis| Shape::ALL.into_iter().filter_map(|shape| basis.element(shape))).collect()
+});
+
+/// N_k at the nodes of each rung, for each element.
+static TABLES: LazyLock<Vec<Vec<Vec<[f64; MAX_DOFS]>>>> = LazyLock::new(|| {
+    let table = |element: &Element, degree| {
+        rule(element.shape, degree).points.iter().map(|&at| element.values(at)).collect::<Vec<_>>()
+    };
+    ELEMENTS.iter().map(|element| LADDER.iter().map(|&degree| table(element, degree)).collect()).collect()
+});
+
+/// The nodes of a rule on a patch, weighted in m².
+pub(super) fn nodes(patch: &Patch, rule: &Rule) -> Points {
+    let mut points = Points::default();
+    for (&at, weight) in rule.points.iter().zip(&rule.weights) {
+        points.push(patch.point(at), weight * patch.shape().reference_area() * patch.jacobian(at));
+    }
+    points
+}
+
+/// The shape functions as polynomials of the plane's coordinates, by substituting the affine map to the reference cell.
+fn polynomials(patch: &Patch, element: &Element, plane: &Plane) -> Option<[Polynomial; MAX_DOFS]> {
+    if element.degree > 0 && !patch.is_affine() {
+        return None;
+    }
+    let mut functions = [[0.0; 6]; MAX_DOFS];
+    if element.degree == 0 {
+        functions[0][0] = 1.0;
+        return Some(functions);
+    }
+    // ξ = α₁ + β₁·p, η = α₂ + β₂·p; the plane's origin is corner 0, where ξ = η = 0.
+    let corners = patch.corners();
+    let (a, b) = (plane.project(corners[1]), plane.project(corners[corners.len() - 1]));
+    let det = a.perp_dot(b);
+    let (xi, eta) = (DVec2::new(b.y, -b.x) / det, DVec2::new(-a.y, a.x) / det);
+    for (function, c) in functions.iter_mut().zip(element.functions) {
+        *function = [
+            c[0],
+            c[1] * xi.x + c[2] * eta.x,
+            c[1] * xi.y + c[2] * eta.y,
+            c[3] * xi.x * xi.x + c[4] * xi.x * eta.x + c[5] * eta.x * eta.x,
+            2.0 * c[3] * xi.x * xi.y + c[4] * (xi.x * eta.y + xi.y * eta.x) + 2.0 * c[5] * eta.x * eta.y,
+            c[3] * xi.y * xi.y + c[4] * xi.y * eta.y + c[5] * eta.y * eta.y,
+        ];
+    }
+    Some(functions)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plane_polynomials_are_the_shape_functions() {
+        let at = |x: f64, y: f64| DVec3::new(1.0 + x, 0.5 * x - y, 2.0 + 0.3 * y);
+        let triangle = Patch::new(Shape::Triangle, [at(0.0, 0.0), at(1.0, 0.2), at(0.3, 1.0), at(0.3, 1.0)]);
+        let parallelogram = Patch::new(Shape::Quad, [at(0.0, 0.0), at(2.0, 0.2), at(2.3, 1.2), at(0.3, 1.0)]);
+        for basis in &ALL {
+            for patch in [triangle, parallelogram] {
+                let Some(element) = basis.element(patch.shape()) else { continue };
+                let panel = Panel::new(patch, element, [0, 1, 2, 3], 0);
+                assert!(panel.functions.is_some());
+                for at in [[0.1, 0.2], [0.6, 0.3]] {
+                    let (values, expected) = (panel.values(patch.point(at)), element.values(at));
+                    for (v, e) in values.iter().zip(expected) {
+                        assert!((v - e).abs() < 1e-13, "{}: {v} {e}", element.name);
+                    }
+                }
+            }
+        }
+    }
+}

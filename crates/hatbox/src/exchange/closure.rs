@@ -1,0 +1,206 @@
+//! Row sums: what a closed scene knows exactly, and how S is made to know it.
+//!
+//! In a closed scene everything that leaves a surface arrives somewhere: S 1 = Δ 1. Quadrature and sampling leave a
+//! small deficit; multiplying the light by a function 1 + ε(x) on its way in and out, S ← Dᵀ S D with
+//! D = I + Δ⁻¹ M_ε, removes it, keeps S symmetric, and leaves what is exactly zero (a walled-up room) at zero. In the
+//! nodal basis of constants D is a diagonal matrix, and this is the symmetric scaling of matrices (R. Sinkhorn 1964);
+//! for quadratics, whose vertex functions have the mean 0, a diagonal matrix would not do.
+
+use super::{Exchange, Statistics};
+use crate::assemble::{Panel, function_weighted_mass};
+use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
+use crate::progress::Silent;
+use crate::quadrature::sequence::{hash, point};
+use crate::scene::Scene;
+use crate::solve::{self, cg};
+use crate::space::FunctionSpace;
+use crate::visibility::Bvh;
+use glam::DVec3;
+use std::f64::consts::TAU;
+
+/// A scene is scaled only where the row sums are off by less than this; larger deficits are an error to be found.
+const GREATEST_DEFICIT: f64 = 0.05;
+/// Rays per cell that look for a way out.
+const ESCAPE_RAYS: u32 = 64;
+/// Rounds of the scaling: each squares the remaining deficit.
+const ROUNDS: usize = 8;
+
+/// What was found about the row sums, and done.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Closure {
+    /// Fraction of cosine-distributed rays, area-weighted, that leave the scene or end on a back.
+    pub escape: f64,
+    /// Largest |1 − (S 1)_i/A_i| over the cells before scaling, meaningful in a closed scene.
+    pub deficit: f64,
+    /// Whether S was scaled to exact row sums.
+    pub balanced: bool,
+}
+
+/// Dᵀ S D.
+pub struct Balanced {
+    exchange: Box<dyn Exchange>,
+    scaling: Option<Scaling>,
+    /// What was found and done.
+    pub closure: Closure,
+}
+
+/// D = I + Δ⁻¹ M_ε.
+struct Scaling {
+    mass_inverse: BlockDiagonal,
+    weighted: BlockDiagonal,
+}
+
+impl Scaling {
+    fn apply(&self, x: &MultiVector) -> MultiVector {
+        let mut y = self.mass_inverse.times(&self.weighted.times(x));
+        y.add_scaled(1.0, x);
+        y
+    }
+
+    fn apply_transposed(&self, x: &MultiVector) -> MultiVector {
+        let mut y = self.weighted.times(&self.mass_inverse.times(x));
+        y.add_scaled(1.0, x);
+        y
+    }
+}
+
+impl Balanced {
+    /// Scales S to exact row sums if the scene is closed and the deficit small; otherwise leaves it as it is.
+    pub fn new(
+        exchange: Box<dyn Exchange>,
+        scene: &Scene,
+        space: &FunctionSpace,
+        mass: &BlockDiagonal,
+        mass_inverse: &BlockDiagonal,
+        escape: f64,
+    ) -> Self {
+        let ones = MultiVector::uniform(space.broken_dofs(), &[1.0]);
+        let target = mass.times(&ones);
+        let deficit = cell_deficit(space, &target, &exchange.times(&ones));
+        let closure = Closure { escape, deficit, balanced: false };
+        let mut balanced = Self { exchange, scaling: None, closure };
+        if escape == 0.0 && deficit < GREATEST_DEFICIT {
+            balanced.balance(scene, space, mass, mass_inverse, &target);
+        }
+        balanced
+    }
+
+    /// Newton's method on Dᵀ S D 1 = Δ 1: since S 1 ≈ Δ 1, its matrix is Δ + S.
+    fn balance(
+        &mut self,
+        scene: &Scene,
+        space: &FunctionSpace,
+        mass: &BlockDiagonal,
+        mass_inverse: &BlockDiagonal,
+        target: &MultiVector,
+    ) {
+        let ones = MultiVector::uniform(target.rows(), &[1.0]);
+        let mut epsilon = MultiVector::zeros(target.rows(), 1);
+        let norm = target.norms()[0];
+        for _ in 0..ROUNDS {
+            let mut residual = target.clone();
+            residual.add_scaled(-1.0, &self.times(&ones));
+            if residual.norms()[0] <= 1e-14 * norm {
+                break;
+            }
+            let sum = Sum { mass, exchange: &*self.exchange };
+            let params = solve::Params { tolerance: 1e-6, max_iterations: 200, ..Default::default() };
+            let mut step = MultiVector::zeros(target.rows(), 1);
+            // An unfinished step is still a step; the next round sees what is left.
+            let _ = cg(&sum, mass_inverse, &residual, &mut step, &params, &Silent);
+            epsilon.add_scaled(1.0, &step);
+            let weighted = function_weighted_mass(scene, space, epsilon.band(0));
+            self.scaling = Some(Scaling { mass_inverse: mass_inverse.clone(), weighted });
+        }
+        self.closure.balanced = true;
+    }
+}
+
+/// Δ + S.
+struct Sum<'a> {
+    mass: &'a BlockDiagonal,
+    exchange: &'a dyn Exchange,
+}
+
+impl LinearOperator for Sum<'_> {
+    fn rows(&self) -> usize {
+        self.mass.rows()
+    }
+    fn cols(&self) -> usize {
+        self.mass.rows()
+    }
+    fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
+        self.exchange.apply(x, y);
+        y.add_scaled(1.0, &self.mass.times(x));
+    }
+}
+
+impl LinearOperator for Balanced {
+    fn rows(&self) -> usize {
+        self.exchange.rows()
+    }
+    fn cols(&self) -> usize {
+        self.exchange.cols()
+    }
+    fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
+        match &self.scaling {
+            None => self.exchange.apply(x, y),
+            Some(d) => *y = d.apply_transposed(&self.exchange.times(&d.apply(x))),
+        }
+    }
+}
+
+impl Exchange for Balanced {
+    fn statistics(&self) -> Statistics {
+        self.exchange.statistics()
+    }
+}
+
+/// The largest relative deficit of a cell's row sum.
+fn cell_deficit(space: &FunctionSpace, target: &MultiVector, sums: &MultiVector) -> f64 {
+    let deficit = |cell: usize| {
+        let over = |v: &MultiVector| v.band(0)[space.range(cell)].iter().sum::<f64>();
+        (1.0 - over(sums) / over(target)).abs()
+    };
+    (0..space.cells()).map(deficit).fold(0.0, f64::max)
+}
+
+/// The fraction of the light of uniformly glowing panels that leaves the scene: cosine rays from every panel, weighted by
+/// area, that hit nothing or end on a face whose back they meet.
+pub fn escape(panels: &[Panel], scene: &Scene, blockers: &Bvh, seed: u64) -> f64 {
+    let two_sided = two_sided_surfaces(scene);
+    let (mut lost, mut total) = (0.0, 0.0);
+    for (index, panel) in panels.iter().enumerate() {
+        let set = hash(seed ^ 0x6573_6361, index as u64);
+        let escapes = |k: &u32| {
+            let p = point(set, *k);
+            let (origin, direction) = cosine_ray(panel, p);
+            let hit = blockers.closest_hit(origin, direction, f64::INFINITY, |id, _| id != panel.surface);
+            !hit.is_some_and(|hit| hit.front || two_sided[hit.id as usize])
+        };
+        lost += panel.area() * (0..ESCAPE_RAYS).filter(escapes).count() as f64 / f64::from(ESCAPE_RAYS);
+        total += panel.area();
+    }
+    if total > 0.0 { lost / total } else { 0.0 }
+}
+
+/// Which faces of the input have two sides.
+fn two_sided_surfaces(scene: &Scene) -> Vec<bool> {
+    let mut two_sided = vec![false; scene.surfaces.len()];
+    for cell in &scene.mesh.cells {
+        two_sided[cell.surface as usize] = scene.materials[cell.material as usize].two_sided;
+    }
+    two_sided
+}
+
+/// A uniform point of a panel and a cosine-distributed direction from it.
+fn cosine_ray(panel: &Panel, [u, v, s, t]: [f64; 4]) -> (DVec3, DVec3) {
+    let corners = panel.patch.corners();
+    // Uniform on a triangle; on a quad the bilinear map is close enough to look for holes.
+    let at = if corners.len() == 3 { [1.0 - u.sqrt(), u.sqrt() * v] } else { [u, v] };
+    let normal = panel.normal();
+    let e1 = normal.any_orthonormal_vector();
+    let (radius, angle) = (s.sqrt(), TAU * t);
+    let direction = e1 * (radius * angle.cos()) + normal.cross(e1) * (radius * angle.sin()) + normal * (1.0 - s).sqrt();
+    (panel.patch.point(at), direction)
+}

@@ -1,0 +1,79 @@
+//! Irradiance at a point, by one more application of the integral operator to the solution.
+//!
+//! E(x) = ∫ B̃(y) G(x, y) V(x, y) dA(y) over all panels: the iterate of I. H. Sloan ("Improvement by iteration for compact
+//! operator equations", Math. Comp. 30, 1976). Half an order more accurate than B̃ itself, and independent of the
+//! quadrature that S was assembled with.
+
+use super::Solution;
+use crate::assemble::Panel;
+use crate::element::Shape;
+use crate::kernel::geometric;
+use crate::quadrature::sequence::{hash, point};
+use crate::visibility::{Bvh, Visibility};
+use glam::DVec3;
+
+/// Panels are sampled so finely that a sample stands for at most this solid angle, divided by the panel's strength.
+const FINEST: f64 = 1e-2;
+/// Samples for one panel at the most.
+const MAX_SAMPLES: u32 = 1024;
+
+/// Gathers irradiance from the panels of a solved scene.
+pub struct Gather<'a> {
+    pub(super) panels: &'a [Panel],
+    pub(super) blockers: &'a Bvh,
+    /// How strongly each panel's light counts; strong ones are sampled more finely.
+    pub(super) strengths: &'a [f64],
+    pub(super) solution: &'a Solution,
+}
+
+impl Gather<'_> {
+    /// E at the point `x` of a face with unit normal `n`, per band. `surface` is the face's index (it blocks nothing),
+    /// and `seed` chooses the sample points.
+    pub fn irradiance(&self, x: DVec3, n: DVec3, surface: u32, seed: u64) -> Vec<f64> {
+        let mut sum = vec![0.0; self.solution.bands()];
+        for (cell, panel) in self.panels.iter().enumerate() {
+            if panel.surface != surface {
+                self.add(cell, x, n, surface, seed, &mut sum);
+            }
+        }
+        sum
+    }
+
+    /// Adds what one panel sends, by stratified points whose number follows the angle under which the panel is seen.
+    fn add(&self, cell: usize, x: DVec3, n: DVec3, surface: u32, seed: u64, sum: &mut [f64]) {
+        let panel = &self.panels[cell];
+        let corners = panel.patch.corners();
+        let above = |corner: &DVec3| n.dot(corner - x) > 0.0;
+        if panel.normal().dot(x - corners[0]) <= 0.0 || !corners.iter().any(above) {
+            return;
+        }
+        let distance = (panel.center.distance(x) - panel.radius).max(0.25 * panel.radius);
+        let solid_angle = panel.area() / (distance * distance);
+        let samples = (self.strengths[cell] * solid_angle / FINEST).ceil().clamp(1.0, f64::from(MAX_SAMPLES)) as u32;
+        let set = hash(seed, cell as u64);
+        let functions = self.solution.space.range(cell);
+        for k in 0..samples {
+            let p = point(set, k);
+            let at = reference_point(panel.patch.shape(), p[0], p[1]);
+            let y = panel.patch.point(at);
+            let g = geometric(x, n, y, panel.normal());
+            if g == 0.0 || self.blockers.occluded(x, y, [surface, panel.surface]) {
+                continue;
+            }
+            let density = panel.patch.jacobian(at) * panel.patch.shape().reference_area() / f64::from(samples);
+            let values = panel.element.values(at);
+            for (band, sum) in sum.iter_mut().enumerate() {
+                let b = &self.solution.radiosity.band(band)[functions.clone()];
+                *sum += g * density * b.iter().zip(values).map(|(b, n)| b * n).sum::<f64>();
+            }
+        }
+    }
+}
+
+/// The point of a reference cell that (u, v) in the unit square is mapped to, uniformly in the cell's area.
+pub(super) fn reference_point(shape: Shape, u: f64, v: f64) -> [f64; 2] {
+    match shape {
+        Shape::Triangle => [u.sqrt() * (1.0 - v), u.sqrt() * v],
+        Shape::Quad => [u, v],
+    }
+}

@@ -1,0 +1,20 @@
+//! The equation put together: from a scene to its radiosity.
+//!
+//! [`System`] holds what does not depend on the light: the space, the mass matrix and the exchange operator. Solving it
+//! is then Δ b = b⁰ + F̂ b with F̂ = M_R Δ⁻¹ S, in the joined space if there is one: the solver sees three operators and a
+//! vector, whatever the basis. (On an element of constant R, M_R Δ⁻¹ S is R S; on one of varying R it differs from the
+//! generalized form factor ∬R N_i N_j G by a product of two projection errors.)
+//!
+//! In a joined space the *computation* is Galerkin's on the hats themselves. Solving in the broken space and joining
+//! afterwards costs six times the unknowns for triangles and gains nothing where the radiosity is continuous.
+
+mod gather;
+mod operators;
+mod residual;
+mod solution;
+mod system;
+
+pub use gather::Gather;
+pub use residual::{ErrorEstimate, estimate_error};
+pub use solution::{Shown, Solution};
+pub use system::{Energy, Error, Options, Solved, System, solve};

@@ -1,0 +1,298 @@
+//! From what a file says to a [`Scene`]: checked, welded, planar, conforming, with a back for every two-sided face.
+//!
+//! What has only one sensible repair is repaired and noted as a [`Warning`]; what has none is a [`SceneError`] that names
+//! the place and the remedy. The order matters: quads are tested for planarity after welding has moved their corners, and
+//! the faces that block light are recorded before T-junctions cut them up, so that a ray meets as few as possible.
+
+use super::{Camera, Material, Physics, Quantity, Scene, Surface};
+use crate::element::{Basis, Shape};
+use crate::mesh::{Builder, Corner, Mesh, RefineError, Refinement};
+use glam::DVec3;
+use std::fmt;
+use std::sync::Arc;
+
+/// A scene that cannot be computed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SceneError {
+    /// There is nothing to compute.
+    #[error("the scene has no faces; check that the file contains surfaces and that they were exported")]
+    Empty,
+    /// All faces are degenerate.
+    #[error("none of the {0} faces has any area; check the scale and the transformations of the file")]
+    NoArea(usize),
+    /// A coordinate is infinite or not a number.
+    #[error("vertex {vertex} of `{group}` is at {position}, which is not a place; repair it in the modelling program")]
+    Position {
+        /// Index of the vertex.
+        vertex: u32,
+        /// Name of a part that uses it.
+        group: String,
+        /// What stands there.
+        position: DVec3,
+    },
+    /// An index points at nothing.
+    #[error("face {cell} refers to {what} {index}, but there are only {count}; the file is damaged, export it again")]
+    Index {
+        /// Index of the face.
+        cell: usize,
+        /// What is referred to: "vertex", "group" or "material".
+        what: &'static str,
+        /// The index.
+        index: u32,
+        /// How many there are.
+        count: usize,
+    },
+    /// Texture coordinates or normals are given for some faces only.
+    #[error("the mesh has {found} sets of {what} for {faces} faces; give every face one, or none")]
+    Corners {
+        /// "texture coordinates" or "normals".
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many there should be.
+        faces: usize,
+    },
+    /// A reflectance outside 0…1.
+    #[error(
+        "material `{material}` reflects {value} in band {band}; a reflectance is between 0 and 1 (a surface cannot \
+         reflect more than it receives), so scale it down"
+    )]
+    Reflectance {
+        /// Name of the material.
+        material: String,
+        /// The band, counted from 0.
+        band: usize,
+        /// The offending value.
+        value: f64,
+    },
+    /// A negative or infinite exitance.
+    #[error("material `{material}` emits {value} in band {band}; an exitance is a finite number and not negative")]
+    Exitance {
+        /// Name of the material.
+        material: String,
+        /// The band, counted from 0.
+        band: usize,
+        /// The offending value.
+        value: f64,
+    },
+    /// Numbers of bands that cannot be reconciled.
+    #[error("material `{material}` has {found} bands, others have {bands}; give every material 1 or {bands}")]
+    Bands {
+        /// Name of the material.
+        material: String,
+        /// Its number of bands.
+        found: usize,
+        /// The greatest number of bands in the scene.
+        bands: usize,
+    },
+}
+
+/// Something about the input that was repaired.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Warning {
+    /// So many faces had no area.
+    Degenerate(usize),
+    /// So many quads were not planar and convex.
+    SplitQuads(usize),
+    /// So many edges had other faces' vertices on them.
+    TJunctions(usize),
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Degenerate(n) => write!(f, "left out {n} faces that have no area"),
+            Self::SplitQuads(n) => write!(f, "split {n} quads into triangles because they are not planar and convex"),
+            Self::TJunctions(n) => write!(f, "split {n} edges at vertices of other faces that lie on them"),
+        }
+    }
+}
+
+impl Scene {
+    /// Makes a scene of a mesh as it was read: vertices may be duplicated, [`surface`](crate::mesh::Cell::surface) is
+    /// ignored, positions are in metres.
+    ///
+    /// Each planar face that remains after welding becomes a [`Surface`]. The cells of a surface are contiguous: first
+    /// those of its front and then, if its material is two-sided, as many of its back.
+    ///
+    /// # Errors
+    /// [`SceneError`] if the mesh is empty, damaged or not finite, or a material is not physical.
+    #[expect(clippy::needless_pass_by_value, reason = "the raw mesh is used up: the scene's is another")]
+    pub fn new(
+        mesh: Mesh,
+        materials: Vec<Material>,
+        physics: Physics,
+        camera: Option<Camera>,
+    ) -> Result<Self, SceneError> {
+        check_mesh(&mesh, materials.len())?;
+        let bands = check_materials(&materials)?;
+        let (faces, tolerance) = (mesh.cells.len(), mesh.tolerance());
+        let (mesh, degenerate) = mesh.welded(tolerance);
+        if mesh.cells.is_empty() {
+            return Err(SceneError::NoArea(faces));
+        }
+        let (mut mesh, split) = planar(&mesh, tolerance);
+        let mut surfaces = Vec::with_capacity(mesh.cells.len());
+        for index in 0..mesh.cells.len() {
+            mesh.cells[index].surface = index as u32;
+            surfaces.push(Surface { corners: mesh.corners(index).map(|corner| corner.position) });
+        }
+        let (mesh, joints) = mesh.conformed(tolerance);
+        let mesh = with_backs(&mesh, &materials);
+        let warnings = [Warning::Degenerate(degenerate), Warning::SplitQuads(split), Warning::TJunctions(joints)];
+        let counts = [degenerate, split, joints];
+        let warnings = warnings.into_iter().zip(counts).filter(|&(_, n)| n > 0).map(|(w, _)| w).collect();
+        Ok(Self { mesh, materials, surfaces: surfaces.into(), bands, physics, camera, warnings })
+    }
+
+    /// The scene subdivided for a basis: quads are split first if the basis has no element on them. What blocks light
+    /// stays as it was.
+    ///
+    /// # Errors
+    /// [`RefineError`] if the subdivision is impossible or too fine.
+    pub fn refined(&self, refinement: Refinement, basis: &Basis) -> Result<Self, RefineError> {
+        let mesh = if basis.quad.is_none() && self.mesh.cells.iter().any(|cell| cell.shape == Shape::Quad) {
+            self.mesh.triangulated().refined(refinement)?
+        } else {
+            self.mesh.refined(refinement)?
+        };
+        Ok(Self { mesh, surfaces: Arc::clone(&self.surfaces), ..self.clone() })
+    }
+
+    /// Whether two materials reflect and emit the same everywhere.
+    pub fn same_material(&self, a: u32, b: u32) -> bool {
+        let equal = |p: &Quantity, q: &Quantity| {
+            (0..self.bands).all(|band| p.uniform(band).is_some() && p.uniform(band) == q.uniform(band))
+        };
+        let (p, q) = (&self.materials[a as usize], &self.materials[b as usize]);
+        a == b || (equal(&p.reflectance, &q.reflectance) && equal(&p.exitance, &q.exitance))
+    }
+}
+
+fn check_mesh(mesh: &Mesh, materials: usize) -> Result<(), SceneError> {
+    if mesh.cells.is_empty() {
+        return Err(SceneError::Empty);
+    }
+    let faces = mesh.cells.len();
+    for (what, found) in [("texture coordinates", mesh.uvs.len()), ("normals", mesh.normals.len())] {
+        if found != 0 && found != faces {
+            return Err(SceneError::Corners { what, found, faces });
+        }
+    }
+    for (index, cell) in mesh.cells.iter().enumerate() {
+        let vertices = cell.vertices.map(|v| ("vertex", v, mesh.vertices.len()));
+        let others = [("group", cell.group, mesh.groups.len()), ("material", cell.material, materials)];
+        for (what, i, count) in vertices.into_iter().chain(others) {
+            if i as usize >= count {
+                return Err(SceneError::Index { cell: index, what, index: i, count });
+            }
+        }
+        for &vertex in cell.corners() {
+            let position = mesh.vertices[vertex as usize];
+            if !position.is_finite() {
+                let group = mesh.groups[cell.group as usize].clone();
+                return Err(SceneError::Position { vertex, group, position });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The number of bands, if all materials are possible.
+fn check_materials(materials: &[Material]) -> Result<usize, SceneError> {
+    let count = |m: &Material| m.reflectance.bands().max(m.exitance.bands());
+    let bands = materials.iter().map(count).max().unwrap_or(1).max(1);
+    for Material { name, reflectance, exitance, .. } in materials {
+        for found in [reflectance.bands(), exitance.bands()] {
+            if found > 1 && found != bands {
+                return Err(SceneError::Bands { material: name.clone(), found, bands });
+            }
+        }
+        for band in 0..bands {
+            // A texel of a file is an f32, and 1 may come out of a colour conversion a little above.
+            let slack = if reflectance.uniform(band).is_some() { 0.0 } else { 1e-6 };
+            if let Some(value) = outside(reflectance, band, 1.0 + slack) {
+                return Err(SceneError::Reflectance { material: name.clone(), band, value });
+            }
+            if let Some(value) = outside(exitance, band, f64::MAX) {
+                return Err(SceneError::Exitance { material: name.clone(), band, value });
+            }
+        }
+    }
+    Ok(bands)
+}
+
+/// A value of the quantity that is not between 0 and `most`. Functions are not tried.
+fn outside(quantity: &Quantity, band: usize, most: f64) -> Option<f64> {
+    let extremes = match (quantity.uniform(band), quantity) {
+        (Some(value), _) => [value, value],
+        (None, Quantity::Textured { texture, .. }) => {
+            let factor = quantity.factor(band)?;
+            let (least, greatest) = texture.range(band);
+            [factor * least, factor * greatest]
+        }
+        (None, _) => return None,
+    };
+    extremes.into_iter().find(|value| !(0.0..=most).contains(value))
+}
+
+/// Splits the quads that are not planar within the tolerance or not convex, and counts them.
+fn planar(mesh: &Mesh, tolerance: f64) -> (Mesh, usize) {
+    let mut builder = Builder::like(mesh);
+    let mut split = 0;
+    for (index, cell) in mesh.cells.iter().enumerate() {
+        let corners = mesh.corners(index);
+        match (cell.shape, diagonal(&corners, tolerance)) {
+            (Shape::Triangle, _) => builder.push(cell, &corners[..3]),
+            (Shape::Quad, None) => builder.push(cell, &corners),
+            (Shape::Quad, Some(k)) => {
+                let [a, b, c, d] = [k, k + 1, k + 2, k + 3].map(|i| corners[i % 4]);
+                builder.push(cell, &[a, b, c]);
+                builder.push(cell, &[a, c, d]);
+                split += 1;
+            }
+        }
+    }
+    let (mesh, _) = builder.finish().welded(tolerance);
+    (mesh, split)
+}
+
+/// The corner from which a quad must be split: `None` if it need not be, 0 for a warped one, for one that is not convex
+/// the end of the diagonal that lies inside.
+fn diagonal(corners: &[Corner; 4], tolerance: f64) -> Option<usize> {
+    let p = corners.map(|corner| corner.position);
+    let normal = (p[2] - p[0]).cross(p[3] - p[1]).normalize_or_zero();
+    let center = p.iter().sum::<DVec3>() / 4.0;
+    // The height of each corner over the chord of its neighbours, positive if it points outwards.
+    let heights: [f64; 4] = std::array::from_fn(|k| {
+        let (before, at, after) = (p[(k + 3) % 4], p[k], p[(k + 1) % 4]);
+        (at - before).cross(after - at).dot(normal) / before.distance(after).max(f64::MIN_POSITIVE)
+    });
+    if heights.iter().all(|&h| h > tolerance) {
+        let warped = p.iter().any(|p| (*p - center).dot(normal).abs() > tolerance);
+        return warped.then_some(0);
+    }
+    // The diagonal from 0 makes the triangles at corners 1 and 3.
+    Some(usize::from(heights[0].min(heights[2]) > heights[1].min(heights[3])))
+}
+
+/// Puts the back of each two-sided surface after its front: the corners run the other way round, from the same first.
+fn with_backs(mesh: &Mesh, materials: &[Material]) -> Mesh {
+    let mut builder = Builder::like(mesh);
+    let indices: Vec<usize> = (0..mesh.cells.len()).collect();
+    for surface in indices.chunk_by(|&a, &b| mesh.cells[a].surface == mesh.cells[b].surface) {
+        let back = materials[mesh.cells[surface[0]].material as usize].two_sided;
+        for &index in surface {
+            let cell = &mesh.cells[index];
+            builder.push(cell, &mesh.corners(index)[..cell.shape.corners()]);
+        }
+        for &index in surface.iter().filter(|_| back) {
+            let cell = &mesh.cells[index];
+            let mut corners = mesh.corners(index).map(|c| Corner { normal: -c.normal, ..c });
+            let corners = &mut corners[..cell.shape.corners()];
+            corners[1..].reverse();
+            builder.push(cell, corners);
+        }
+    }
+    builder.finish()
+}

@@ -1,0 +1,265 @@
+use super::build::WIDTH;
+use super::bvh::{Bvh, STACK};
+use super::simd::{Frame, LEAF_BIT, Node};
+use glam::DVec3;
+
+/// What a triangle may reach into a shaft, relative to the shaft's size, and still only touch it. Planes through the
+/// corners of small polygons are known no better.
+const TOUCH: f64 = 1e-9;
+/// Error of the f32 test of boxes, in normalised coordinates, with room to spare.
+const BOX_ERROR: f32 = 4e-6;
+
+/// The union of all segments between two convex planar polygons: their convex hull, as half-spaces.
+///
+/// The facets of the hull of two convex polygons are planes through an edge of one and a corner of the other that have
+/// both polygons on one side, and the polygons' own planes where the other polygon lies on one side of them. Polygons
+/// that see each other and have been clipped at each other's horizon are such, so their shaft stays in front of both.
+/// The box around both is added: it culls nodes early and settles axis-parallel rooms exactly. The shafts between boxes
+/// of Haines and Wallace (1991) are looser; for two polygons the hull is as cheap.
+///
+/// Every half-space is moved out until it contains all corners as f64 sees them, so the volume is conservative. What
+/// touches it from outside, up to 1e-9 of its size, does not block.
+#[derive(Debug, Clone)]
+pub struct Shaft {
+    /// Coordinates are relative to this corner, so that a scene far from the origin loses nothing.
+    origin: DVec3,
+    /// Corners of the first polygon, then of the second.
+    corners: Vec<DVec3>,
+    /// Number of corners of the first.
+    first: usize,
+    /// (n, d): n·x ≤ d in the shaft, |n| = 1.
+    planes: Vec<(DVec3, f64)>,
+    touch: f64,
+}
+
+/// What a shaft was found to contain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ShaftResult {
+    /// Nothing: the polygons see each other fully.
+    Empty,
+    /// The triangles listed may block, and no others.
+    Candidates,
+    /// More than the limit; the list is not complete.
+    TooMany,
+}
+
+impl Shaft {
+    /// The shaft between two convex planar polygons, corners in order around each, either way.
+    ///
+    /// # Panics
+    /// If a polygon has no corners.
+    pub fn new(a: &[DVec3], b: &[DVec3]) -> Self {
+        assert!(!a.is_empty() && !b.is_empty(), "polygons have corners");
+        let origin = a[0];
+        let corners: Vec<DVec3> = a.iter().chain(b).map(|&corner| corner - origin).collect();
+        let size = corners.iter().map(|c| c.length()).fold(0.0, f64::max);
+        let greatest = a.iter().chain(b).map(|c| c.abs().max_element()).fold(0.0, f64::max);
+        let touch = TOUCH * size + 16.0 * f64::EPSILON * greatest;
+        let mut shaft = Self { origin, corners, first: a.len(), planes: Vec::with_capacity(24), touch };
+        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+            shaft.push(axis);
+            shaft.push(-axis);
+        }
+        shaft.push_facets();
+        shaft
+    }
+
+    /// The corners of both polygons, relative to the origin.
+    fn polygons(&self) -> [&[DVec3]; 2] {
+        let (a, b) = self.corners.split_at(self.first);
+        [a, b]
+    }
+
+    /// Adds the facets of the hull.
+    fn push_facets(&mut self) {
+        let [a, b] = self.polygons().map(|polygon| area_vector(polygon).normalize_or_zero());
+        self.push_cap(a);
+        self.push_cap(b);
+        let (first, count) = (self.first, self.corners.len());
+        for (own, other) in [(0..first, first..count), (first..count, 0..first)] {
+            for k in own.clone() {
+                let next = if k + 1 == own.end { own.start } else { k + 1 };
+                let edge = self.corners[next] - self.corners[k];
+                for q in other.clone() {
+                    self.push_facet(edge.cross(self.corners[q] - self.corners[k]));
+                }
+            }
+        }
+    }
+
+    /// Adds the planes of a normal that support both polygons on the same side.
+    fn push_facet(&mut self, normal: DVec3) {
+        let length = normal.length();
+        let [a, b] = self.polygons().map(|polygon| range(polygon, normal));
+        for side in [1, 0] {
+            if length > 0.0 && (a[side] - b[side]).abs() <= self.touch * length {
+                self.push(if side == 1 { normal } else { -normal } / length);
+            }
+        }
+    }
+
+    /// Adds the plane of a polygon if both polygons lie on one side of it.
+    fn push_cap(&mut self, normal: DVec3) {
+        for normal in [normal, -normal] {
+            let [a, b] = self.polygons().map(|polygon| range(polygon, normal));
+            let flat = |[lo, hi]: [f64; 2]| hi - lo <= self.touch;
+            if (flat(a) && a[0] >= b[1] - self.touch) || (flat(b) && b[0] >= a[1] - self.touch) {
+                self.push(normal);
+            }
+        }
+    }
+
+    /// Adds the half-space of a unit normal that just contains all corners.
+    fn push(&mut self, normal: DVec3) {
+        let [_, offset] = range(&self.corners, normal);
+        if normal != DVec3::ZERO && !self.planes.iter().any(|(n, _)| n.dot(normal) > 1.0 - 1e-15) {
+            self.planes.push((normal, offset));
+        }
+    }
+
+    /// Whether a triangle may block part of the view; if not, it is proven to touch the shaft at most.
+    pub fn may_block(&self, triangle: &[DVec3; 3]) -> bool {
+        let corners = triangle.map(|corner| corner - self.origin);
+        let outside = |(n, d): &(DVec3, f64)| corners.iter().all(|&corner| n.dot(corner) >= d - self.touch);
+        if self.planes.iter().any(outside) {
+            return false;
+        }
+        // In a convex room every wall has the whole shaft on one side.
+        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
+        let offset = normal.dot(corners[0]);
+        let [lo, hi] = range(&self.corners, normal);
+        lo < offset - self.touch && hi > offset + self.touch
+    }
+
+    /// Whether a convex planar polygon blocks every segment of the shaft.
+    ///
+    /// It does if it lies strictly between the two polygons and each segment from a corner to a corner crosses it
+    /// strictly inside: the projection of one polygon onto its plane from any point of the other is the convex hull of
+    /// the projected corners.
+    pub fn fully_blocked_by(&self, blocker: &[DVec3]) -> bool {
+        let corners: Vec<DVec3> = blocker.iter().map(|&corner| corner - self.origin).collect();
+        let Some(normal) = area_vector(&corners).try_normalize() else { return false };
+        let height = |corner: DVec3| normal.dot(corner - corners[0]);
+        let inside = |x: DVec3| {
+            (0..corners.len()).all(|k| {
+                let (p, edge) = (corners[k], corners[(k + 1) % corners.len()] - corners[k]);
+                edge.cross(x - p).dot(normal) > self.touch * edge.length()
+            })
+        };
+        let [a, b] = self.polygons();
+        a.iter().all(|&p| {
+            b.iter().all(|&q| {
+                let (hp, hq) = (height(p), height(q));
+                let sides_differ = hp.abs() > self.touch && hq.abs() > self.touch && (hp > 0.0) != (hq > 0.0);
+                sides_differ && inside(p + (q - p) * (hp / (hp - hq)))
+            })
+        })
+    }
+
+    /// The planes in the normalised coordinates of a tree, moved out by the error of testing them in f32.
+    fn local_planes(&self, frame: Frame) -> Vec<([f32; 3], f32)> {
+        let shift = self.origin - frame.center;
+        let local = |&(n, d): &(DVec3, f64)| {
+            let offset = (d + n.dot(shift)) / frame.size;
+            (n.to_array().map(|x| x as f32), offset as f32 + BOX_ERROR * (1.0 + offset.abs() as f32))
+        };
+        self.planes.iter().map(local).collect()
+    }
+}
+
+/// The least and the greatest of the corners along a direction.
+fn range(polygon: &[DVec3], direction: DVec3) -> [f64; 2] {
+    polygon.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], corner| {
+        let x = direction.dot(*corner);
+        [if x < lo { x } else { lo }, if x > hi { x } else { hi }]
+    })
+}
+
+/// Twice the area times the normal; the corners run counter-clockwise about it (Newell).
+fn area_vector(polygon: &[DVec3]) -> DVec3 {
+    let origin = polygon[0];
+    polygon.windows(2).map(|edge| (edge[0] - origin).cross(edge[1] - origin)).sum()
+}
+
+impl Bvh {
+    /// Puts the triangles that may block the shaft, except those of the surfaces of `skip`, into `out`, at most `limit`.
+    ///
+    /// [`ShaftResult::Empty`] is a proof: no segment between the polygons is occluded.
+    pub fn shaft_candidates(&self, shaft: &Shaft, skip: &[u32; 2], out: &mut Vec<u32>, limit: usize) -> ShaftResult {
+        out.clear();
+        let planes = shaft.local_planes(self.frame);
+        let complete = self.visit(
+            |node| {
+                let mut mask = u32::MAX >> (32 - WIDTH);
+                for &(normal, offset) in &planes {
+                    mask = node.below(mask, normal, offset);
+                    if mask == 0 {
+                        break;
+                    }
+                }
+                mask
+            },
+            |index, id, triangle| {
+                if skip.contains(&id) || !shaft.may_block(triangle) {
+                    return true;
+                }
+                out.push(index);
+                out.len() <= limit
+            },
+        );
+        if !complete {
+            out.truncate(limit);
+            return ShaftResult::TooMany;
+        }
+        if out.is_empty() { ShaftResult::Empty } else { ShaftResult::Candidates }
+    }
+
+    /// Calls `visit` with the index of every triangle whose box meets the box from `lo` to `hi`.
+    ///
+    /// The boxes are those of the tree, rounded outward by about 1e-7 of the scene: triangles that only come near may be
+    /// among them.
+    pub fn overlapping(&self, lo: DVec3, hi: DVec3, mut visit: impl FnMut(u32)) {
+        let bounds = self.frame.bounds(&[lo, hi]);
+        let meets = |triangle: &[DVec3; 3]| {
+            let [a, b, c] = triangle;
+            a.min(*b).min(*c).cmple(hi).all() && a.max(*b).max(*c).cmpge(lo).all()
+        };
+        self.visit(
+            |node| node.overlaps(&bounds),
+            |index, _, triangle| {
+                if meets(triangle) {
+                    visit(index);
+                }
+                true
+            },
+        );
+    }
+
+    /// Walks the children that `select` keeps and calls `take` with index, id and corners of their triangles until that
+    /// returns false; returns whether it never did.
+    fn visit(&self, select: impl Fn(&Node) -> u32, mut take: impl FnMut(u32, u32, &[DVec3; 3]) -> bool) -> bool {
+        let mut stack = [0_u32; STACK];
+        let mut pending = usize::from(!self.nodes.is_empty());
+        while pending > 0 {
+            pending -= 1;
+            let node = &self.nodes[stack[pending] as usize];
+            let mut mask = select(node);
+            while mask != 0 {
+                let child = node.child[mask.trailing_zeros() as usize];
+                mask &= mask - 1;
+                if child & LEAF_BIT == 0 {
+                    stack[pending] = child;
+                    pending += 1;
+                    continue;
+                }
+                let block = &self.blocks[(child ^ LEAF_BIT) as usize];
+                for (lane, &index) in block.index.iter().enumerate().filter(|&(_, &index)| index != u32::MAX) {
+                    if !take(index, block.id[lane], &block.triangle(lane)) {
+                        return false;
+                    }
+                }
+            }
+        }
+        true
+    }
+}

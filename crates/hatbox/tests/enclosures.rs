@@ -1,0 +1,99 @@
+//! Closed scenes whose radiosity is known: the physics before the numbers.
+
+#[expect(dead_code, reason = "not every test needs every mesh")]
+mod meshes;
+
+use hatbox::element::ALL;
+use hatbox::mesh::Refinement;
+use hatbox::progress::Silent;
+use hatbox::radiosity::{Options, Solved, solve};
+use hatbox::scene::{Material, Physics, Quantity, Scene};
+use hatbox::space::Continuity;
+
+/// The unit cube, seen from inside, every wall of reflectance ρ, the ceiling (z = 1) emitting B⁰ = 1.
+fn cube(rho: f64, exitance: [f64; 2]) -> Scene {
+    let mut mesh = meshes::room(glam::DVec3::ONE, |_| false);
+    for cell in 0..mesh.cells.len() {
+        mesh.cells[cell].material = u32::from(mesh.patch(cell).normal().z < -0.5);
+    }
+    let material = |name: &str, b0: f64| Material { exitance: Quantity::gray(b0), ..Material::diffuse(name, rho) };
+    let materials = vec![material("walls", exitance[0]), material("ceiling", exitance[1])];
+    Scene::new(mesh, materials, Physics::Light, None).expect("a valid scene")
+}
+
+fn options(basis: usize, elements: usize, tolerance: f64) -> Options {
+    Options {
+        basis: &ALL[basis],
+        refinement: Refinement::Elements(elements),
+        tolerance,
+        error_points: 0,
+        ..Options::default()
+    }
+}
+
+/// Area means over the cells whose normal passes the test.
+fn mean(solved: &Solved, pick: impl Fn(glam::DVec3) -> bool) -> f64 {
+    let solution = &solved.solution;
+    let mass = hatbox::assemble::mass(&solution.scene, &solution.space);
+    let integrals = hatbox::linalg::LinearOperator::times(&mass, &solution.radiosity);
+    let (mut power, mut area) = (0.0, 0.0);
+    for cell in 0..solution.space.cells() {
+        let patch = solution.scene.mesh.patch(cell);
+        if pick(patch.normal()) {
+            power += integrals.band(0)[solution.space.range(cell)].iter().sum::<f64>();
+            area += patch.area();
+        }
+    }
+    power / area
+}
+
+#[test]
+fn a_cube_with_a_glowing_ceiling_has_the_published_means() {
+    let table = [(0.5, [0.171_215, 1.104_364, 0.181_105], 2.0), (0.8, [0.660_976, 1.587_514, 0.687_878], 5.0)];
+    for (rho, means, total) in table {
+        for (basis, elements) in [(1, 3000), (3, 800)] {
+            let solved = solve(&cube(rho, [0.0, 1.0]), &options(basis, elements, 1e-6), &Silent).expect("solved");
+            let found = [
+                mean(&solved, |n| n.z > 0.5),
+                mean(&solved, |n| n.z < -0.5),
+                mean(&solved, |n| n.z.abs() < 0.5),
+            ];
+            for (value, exact) in found.iter().zip(means) {
+                assert!((value - exact).abs() < 1e-4, "{} ρ = {rho}: {found:?} {means:?}", ALL[basis].name);
+            }
+            let sum = 6.0 * mean(&solved, |_| true);
+            assert!((sum - total).abs() < 1e-8 * total, "{} ρ = {rho}: {sum}", ALL[basis].name);
+        }
+    }
+}
+
+#[test]
+fn a_furnace_glows_uniformly_in_every_basis() {
+    for basis in 0..ALL.len() {
+        for continuity in ["continuous", "broken"] {
+            let options = Options {
+                continuity: Continuity::named(continuity).expect("a name"),
+                ..options(basis, 300, 1e-4)
+            };
+            let solved = solve(&cube(0.5, [0.5, 0.5]), &options, &Silent).expect("solved");
+            for (i, b) in solved.solution.radiosity.as_slice().iter().enumerate() {
+                assert!((b - 1.0).abs() < 1e-6, "{} {continuity}: B_{i} = {b}", ALL[basis].name);
+            }
+        }
+    }
+}
+
+#[test]
+fn galerkins_method_conserves_power_on_every_mesh_and_in_every_basis() {
+    for basis in 0..ALL.len() {
+        for elements in [12, 150, 700] {
+            for rho in [0.3, 0.9] {
+                let options = options(basis, elements, 1e-3);
+                let solved = solve(&cube(rho, [0.0, 1.0]), &options, &Silent).expect("solved");
+                let sum = 6.0 * mean(&solved, |_| true);
+                let exact = 1.0 / (1.0 - rho);
+                assert!((sum - exact).abs() < 1e-9 * exact, "{} {elements} ρ = {rho}: {sum}", ALL[basis].name);
+            }
+        }
+    }
+}

@@ -1,0 +1,63 @@
+use super::{Files, assert_close, material, png, rgb};
+use glam::DVec3;
+use hatbox::io::read::EXAMPLE;
+use hatbox::scene::{Physics, STEFAN_BOLTZMANN};
+
+const OBJ: &[u8] =
+    b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\no floor\nusemtl floor\nf 1 2 3 4\no stove\nusemtl stove\nf 1 4 3\n";
+
+fn read(toml: &str) -> hatbox::io::RawScene {
+    let picture = png(1, &[[255, 0, 188]]);
+    let files = Files::new(&[("box.obj", OBJ), ("floor.png", &picture), ("scene.toml", toml.as_bytes())]);
+    files.read("scene.toml").expect("right")
+}
+
+#[test]
+fn the_example_shows_every_key_and_is_right() {
+    let scene = read(EXAMPLE);
+    assert_eq!(scene.physics, Physics::Heat);
+    assert_eq!(scene.mesh.groups, ["floor", "stove", "second floor", "second stove"]);
+    let floor = material(&scene, "floor");
+    assert_close(rgb(&floor.reflectance, 0.5, 0.5), [0.9, 0.0, 0.9 * 0.502_886], 1e-5);
+    assert_close(rgb(&floor.exitance, 0.5, 0.5), [10.0; 3], 1e-15);
+    let stove = material(&scene, "stove");
+    assert_close(rgb(&stove.reflectance, 0.0, 0.0), [0.1; 3], 1e-12);
+    assert_close(rgb(&stove.exitance, 0.0, 0.0), [0.9 * STEFAN_BOLTZMANN * 400.0_f64.powi(4); 3], 1e-12);
+    let camera = scene.camera.expect("it has one");
+    assert!((camera.eye - DVec3::new(0.5, 0.5, 2.5)).length() < 1e-12);
+    assert!((camera.fov_y.to_degrees() - 40.0).abs() < 1e-12);
+}
+
+#[test]
+fn meshes_are_scaled_turned_and_moved_in_their_units() {
+    let scene = read(EXAMPLE);
+    // 1 cm, and 2 × 1 mm.
+    let area = |k: usize| scene.mesh.patch(k).area();
+    assert!((area(0) - 1e-4).abs() < 1e-15 && (area(2) - 4e-6).abs() < 1e-15);
+    // The corner (1, 1, 0) mm, doubled, turned about y by 90° to −z, and moved by 300 cm.
+    let corner = scene.mesh.patch(2).corners()[2];
+    assert!((corner - DVec3::new(3.0, 0.002, -0.002)).length() < 1e-12, "{corner}");
+}
+
+#[test]
+fn a_mirrored_mesh_keeps_its_front() {
+    let toml = "[[mesh]]\nfile = 'box.obj'\nscale = [1, 1, -1]\n[[mesh]]\nfile = 'box.obj'\nscale = [-2, 1, 1]\n";
+    let scene = read(toml);
+    assert_eq!(scene.mesh.patch(0).normal(), DVec3::NEG_Z);
+    assert_eq!(scene.mesh.patch(2).normal(), DVec3::Z);
+    assert!((scene.mesh.area() - 1.5 - 3.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_temperature_for_all_uses_the_emissivity_of_each() {
+    let toml = "physics = 'heat'\n[[mesh]]\nfile = 'box.obj'\n[material.'*']\ntemperature = 300\nsides = 'two'\n\
+        [material.stove]\nemissivity = [0.2, 0.4]\n[material.floor]\nreflectance = { file = 'floor.png', srgb = false }\n";
+    let scene = read(toml);
+    let black = STEFAN_BOLTZMANN * 300.0_f64.powi(4);
+    let stove = material(&scene, "stove");
+    assert_close(rgb(&stove.exitance, 0.0, 0.0), [0.2 * black, 0.4 * black, 0.4 * black], 1e-12);
+    assert!(stove.two_sided);
+    let floor = material(&scene, "floor");
+    assert_close(rgb(&floor.exitance, 0.5, 0.5), [0.0, black, (1.0 - 188.0 / 255.0) * black], 1e-6);
+    assert_eq!(floor.exitance.bands(), 3);
+}
