@@ -53,11 +53,8 @@ fn a_cube_with_a_glowing_ceiling_has_the_published_means() {
     for (rho, means, total) in table {
         for (basis, elements) in [(1, 3000), (3, 800)] {
             let solved = solve(&cube(rho, [0.0, 1.0]), &options(basis, elements, 1e-6), &Silent).expect("solved");
-            let found = [
-                mean(&solved, |n| n.z > 0.5),
-                mean(&solved, |n| n.z < -0.5),
-                mean(&solved, |n| n.z.abs() < 0.5),
-            ];
+            let found =
+                [mean(&solved, |n| n.z > 0.5), mean(&solved, |n| n.z < -0.5), mean(&solved, |n| n.z.abs() < 0.5)];
             for (value, exact) in found.iter().zip(means) {
                 assert!((value - exact).abs() < 1e-4, "{} ρ = {rho}: {found:?} {means:?}", ALL[basis].name);
             }
@@ -71,10 +68,8 @@ fn a_cube_with_a_glowing_ceiling_has_the_published_means() {
 fn a_furnace_glows_uniformly_in_every_basis() {
     for basis in 0..ALL.len() {
         for continuity in ["continuous", "broken"] {
-            let options = Options {
-                continuity: Continuity::named(continuity).expect("a name"),
-                ..options(basis, 300, 1e-4)
-            };
+            let options =
+                Options { continuity: Continuity::named(continuity).expect("a name"), ..options(basis, 300, 1e-4) };
             let solved = solve(&cube(0.5, [0.5, 0.5]), &options, &Silent).expect("solved");
             for (i, b) in solved.solution.radiosity.as_slice().iter().enumerate() {
                 assert!((b - 1.0).abs() < 1e-6, "{} {continuity}: B_{i} = {b}", ALL[basis].name);

@@ -64,7 +64,10 @@ fn check(name: &str, a: Corners, b: Corners, exact: f64) {
         let there = view_factor(a, b, tolerance);
         let back = view_factor(b, a, tolerance) * area(b) / area(a);
         for value in [there, back] {
-            assert!((value - exact).abs() <= 5.0 * tolerance * exact.max(0.01), "{name}, {tolerance:e}: {value} {exact}");
+            assert!(
+                (value - exact).abs() <= 5.0 * tolerance * exact.max(0.01),
+                "{name}, {tolerance:e}: {value} {exact}"
+            );
         }
     }
 }

@@ -42,7 +42,15 @@ fn floor(quads: bool, bands: usize) -> Scene {
     let mesh = Mesh { vertices, cells, groups, ..Mesh::default() };
     let fov_y = 2.0 * 0.5_f64.atan();
     let camera = Camera { eye: DVec3::new(1.0, 0.5, 3.0), target: DVec3::new(1.0, 0.5, 0.0), up: DVec3::Y, fov_y };
-    Scene { mesh, materials, surfaces: Arc::new(surfaces), bands, physics: Physics::Light, camera: Some(camera) }
+    Scene {
+        mesh,
+        materials,
+        surfaces: Arc::new(surfaces),
+        bands,
+        physics: Physics::Light,
+        camera: Some(camera),
+        warnings: Vec::new(),
+    }
 }
 
 /// The given B at every node; E is twice that.

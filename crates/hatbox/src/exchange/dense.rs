@@ -35,11 +35,7 @@ impl Dense {
     ///
     /// # Errors
     /// [`ExchangeError::TooLarge`] before any work if the memory would not do, [`ExchangeError::Interrupted`].
-    pub fn new(
-        geometry: &Geometry<'_>,
-        params: &Params,
-        progress: &dyn Progress,
-    ) -> Result<Self, ExchangeError> {
+    pub fn new(geometry: &Geometry<'_>, params: &Params, progress: &dyn Progress) -> Result<Self, ExchangeError> {
         let panels = geometry.panels;
         let mut offsets = vec![0];
         for panel in panels {

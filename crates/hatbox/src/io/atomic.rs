@@ -30,7 +30,7 @@ pub fn write(path: &Path, fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result
     try_write(path, fill).map_err(|source| AtomicError { path: path.to_owned(), source })
 }
 
-/// Whether [`write`] could write to `path`, found out by creating a temporary file beside it.
+/// Whether [`write()`] could write to `path`, found out by creating a temporary file beside it.
 ///
 /// # Errors
 /// [`AtomicError`] if the path is a folder, or its folder does not exist or may not be written to.

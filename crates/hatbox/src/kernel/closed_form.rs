@@ -94,7 +94,9 @@ impl Tensors {
         // ½∮ν ln D ds = ∫ρ/D dA
         let mut first_over_d = DVec2::ZERO;
         for (i, &corner) in polygon.iter().enumerate() {
-            let Some(edge) = Edge::new(corner - foot, polygon[(i + 1) % polygon.len()] - foot, height) else { continue };
+            let Some(edge) = Edge::new(corner - foot, polygon[(i + 1) % polygon.len()] - foot, height) else {
+                continue;
+            };
             let Edge { u, nu, d, a, .. } = edge;
             t.zeroth += d * a / (2.0 * height * height);
             t.first -= 0.5 * a * nu;
@@ -245,8 +247,7 @@ mod tests {
         let polygon = [(0.0, 0.0), (1.1, -0.2), (1.4, 0.7), (0.3, 1.2)].map(|(x, y)| DVec2::new(x, y));
         let plane = plane();
         let [e1, e2, m] = plane.axes;
-        let basis: [fn(DVec2) -> f64; 6] =
-            [|_| 1.0, |p| p.x, |p| p.y, |p| p.x * p.x, |p| p.x * p.y, |p| p.y * p.y];
+        let basis: [fn(DVec2) -> f64; 6] = [|_| 1.0, |p| p.x, |p| p.y, |p| p.x * p.x, |p| p.x * p.y, |p| p.y * p.y];
         for (foot, height, normal) in [
             ((0.4, 0.5), 0.7, -m),
             ((-0.8, 0.5), 0.5, (e1 - 0.3 * m).normalize()),

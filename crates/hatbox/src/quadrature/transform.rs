@@ -91,9 +91,8 @@ mod tests {
             let rule = touching_rule(contact, 4, 6);
             let total: f64 = rule.weights.iter().sum();
             assert!((total - 1.0).abs() < 1e-13, "{contact:?}: {total}");
-            let mean: f64 = (0..rule.weights.len())
-                .map(|k| rule.weights[k] * rule.first[k][2] * rule.second[k][1])
-                .sum();
+            let mean: f64 =
+                (0..rule.weights.len()).map(|k| rule.weights[k] * rule.first[k][2] * rule.second[k][1]).sum();
             assert!((mean - 1.0 / 9.0).abs() < 1e-13, "{contact:?}: {mean}");
         }
     }

@@ -53,7 +53,11 @@ pub fn estimate_error(
         .into_par_iter()
         .map(|k| {
             progress.advance(1);
-            if progress.interrupted() { Err(Interrupted) } else { Ok(residual_at(system, solution, &ends, k as u32, seed)) }
+            if progress.interrupted() {
+                Err(Interrupted)
+            } else {
+                Ok(residual_at(system, solution, &ends, k as u32, seed))
+            }
         })
         .collect();
     let samples = samples?;
@@ -63,7 +67,8 @@ pub fn estimate_error(
     let relative = |band: usize| if norm(band, 1) > 0.0 { norm(band, 0) / norm(band, 1) } else { 0.0 };
     let residual = (0..bands).map(relative).fold(0.0, f64::max);
     let energy = system.energy(solution);
-    let share = |band: usize| if energy.leaving[band] > 0.0 { energy.emitted[band] / energy.leaving[band] } else { 1.0 };
+    let share =
+        |band: usize| if energy.leaving[band] > 0.0 { energy.emitted[band] / energy.leaving[band] } else { 1.0 };
     let absorption = (0..bands).map(share).fold(1.0, f64::min);
     Ok(ErrorEstimate {
         relative: residual / absorption.max(1e-3),

@@ -132,13 +132,17 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
     let started = Instant::now();
     let scene = scene.refined(options.refinement, options.basis)?;
     let space = FunctionSpace::new(&scene, options.basis, options.continuity)?;
-    let params =
-        exchange::Params { seed: options.seed, strengths: strengths(&scene), ..exchange::Params::new(options.tolerance) };
+    let params = exchange::Params {
+        seed: options.seed,
+        strengths: strengths(&scene),
+        ..exchange::Params::new(options.tolerance)
+    };
     let system = System::new(scene, space, options.operator, &params, progress)?;
     let operator_time = started.elapsed();
     let started = Instant::now();
     let kind = options.solver.unwrap_or_else(|| system.best_solver());
-    let (solution, info) = system.solve(kind, &solve::Params { tolerance: SOLVER_TOLERANCE, ..Default::default() }, progress)?;
+    let (solution, info) =
+        system.solve(kind, &solve::Params { tolerance: SOLVER_TOLERANCE, ..Default::default() }, progress)?;
     let solver_time = started.elapsed();
     let error = (options.error_points > 0)
         .then(|| estimate_error(&system, &solution, &info, options.error_points, options.seed, progress))

@@ -138,7 +138,8 @@ mod tests {
             for k in 0..500 {
                 let a = random_panel(3 * k, DVec3::ZERO, element);
                 let way = sequence::point(1, k as u32);
-                let away = (DVec3::new(way[0], way[1], way[2]) - 0.5).normalize_or(DVec3::X) * (1.0 + 8.0 * way[3].powi(3));
+                let away =
+                    (DVec3::new(way[0], way[1], way[2]) - 0.5).normalize_or(DVec3::X) * (1.0 + 8.0 * way[3].powi(3));
                 let b = random_panel(3 * k + 1, away, element);
                 let (Some(on_a), Some(on_b)) = (Region::visible(&a, &b), Region::visible(&b, &a)) else { continue };
                 let d = b.center.distance(a.center);

@@ -135,8 +135,7 @@ pub(super) fn quarters(&[a, b, c]: &[DVec3; 3]) -> [[DVec3; 3]; 4] {
 
 /// Pairs of triangles are halved until Gauss rules agree: for shape functions that are no polynomials.
 fn subdivided(a: &Panel, on_a: &Region, b: &Panel, on_b: &Region, accuracy: &Accuracy) -> Block {
-    let mut stack: Vec<_> =
-        on_a.triangles().flat_map(|s| on_b.triangles().map(move |t| (s, t, 0))).collect();
+    let mut stack: Vec<_> = on_a.triangles().flat_map(|s| on_b.triangles().map(move |t| (s, t, 0))).collect();
     let mut total = Block::zeros(a, b);
     // A pair may err by its share of the areas, which keeps the sum within the budget of the pair of panels.
     let whole = on_a.area() * on_b.area();

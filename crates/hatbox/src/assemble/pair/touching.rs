@@ -43,10 +43,8 @@ pub(super) fn block(a: &Panel, b: &Panel, accuracy: &Accuracy) -> Block {
 
 /// A triangle of each panel, given by its corners' places in the panel.
 fn triangles(a: &Panel, s: &[usize; 3], b: &Panel, t: &[usize; 3], accuracy: &Accuracy) -> Block {
-    let shared: Vec<(usize, usize)> = (0..9)
-        .map(|k| (k / 3, k % 3))
-        .filter(|&(i, j)| a.vertices[s[i]] == b.vertices[t[j]])
-        .collect();
+    let shared: Vec<(usize, usize)> =
+        (0..9).map(|k| (k / 3, k % 3)).filter(|&(i, j)| a.vertices[s[i]] == b.vertices[t[j]]).collect();
     let points = |panel: &Panel, corners: [usize; 3]| corners.map(|k| panel.patch.corners()[k]);
     // The shared corners first, in the same order in both.
     let first = |triangle: &[usize; 3], lead: &[usize]| {
@@ -61,9 +59,7 @@ fn triangles(a: &Panel, s: &[usize; 3], b: &Panel, t: &[usize; 3], accuracy: &Ac
         2 => transformed(Contact::Edge, a, &sa, b, &tb, accuracy),
         _ => None,
     };
-    transformed.unwrap_or_else(|| {
-        near::block(a, &Region::of(&points(a, *s)), b, &Region::of(&points(b, *t)), accuracy)
-    })
+    transformed.unwrap_or_else(|| near::block(a, &Region::of(&points(a, *s)), b, &Region::of(&points(b, *t)), accuracy))
 }
 
 /// The order is raised until two in a row agree within the budget; `None` if they never do (an acute dihedral angle, a
