@@ -7,8 +7,8 @@ const BRIGHT: f64 = 0.8;
 /// How physical values become colours: a scale, then a tone curve.
 ///
 /// With x = scale · value, the curve is x itself up to 0.8 and 1 − 0.2 exp(−(x − 0.8)/0.2) above: everything reflected
-/// is shown in proportion, and lamps and highlights approach white instead of being cut off. The curve and its slope are
-/// continuous.
+/// is shown in proportion, and lamps and highlights approach white instead of being cut off. The curve and its slope
+/// are continuous.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exposure {
     /// Linear display value per lm/m² (lx, W/m²).
@@ -37,8 +37,8 @@ impl Exposure {
     }
 }
 
-/// Red, green and blue of a value per band: three bands are RGB; any other number, whose wavelengths nobody told, is the
-/// gray of its mean.
+/// Red, green and blue of a value per band: three bands are RGB; any other number, whose wavelengths nobody told, is
+/// the gray of its mean.
 pub fn rgb(bands: &[f64]) -> [f64; 3] {
     match *bands {
         [r, g, b] => [r, g, b],

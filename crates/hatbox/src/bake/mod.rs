@@ -2,7 +2,8 @@
 //!
 //! Renderers interpolate linearly between vertices, so a cell becomes as many triangles as keep the shape of its
 //! function: one or two, or four through the edge midpoints where the element is quadratic. Corners that agree in
-//! place, normal, texture coordinates and value share a vertex; where radiosity jumps they do not, and the jump is kept.
+//! place, normal, texture coordinates and value share a vertex; where radiosity jumps they do not, and the jump is
+//! kept.
 
 mod exposure;
 

@@ -24,12 +24,13 @@ pub struct AtomicError {
 /// A symbolic link is followed; a device or a pipe is written to directly.
 ///
 /// # Errors
-/// [`AtomicError`] if `fill` fails or the file cannot be created, flushed to the disk or renamed. Nothing is left behind.
+/// [`AtomicError`] if `fill` fails or the file cannot be created, flushed to the disk or renamed. Nothing is left
+/// behind.
 pub fn write(path: &Path, fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>) -> Result<(), AtomicError> {
     try_write(path, fill).map_err(|source| AtomicError { path: path.to_owned(), source })
 }
 
-/// Whether [`write`] could write to `path`, found out by creating a temporary file beside it.
+/// Whether [`write()`] could write to `path`, found out by creating a temporary file beside it.
 ///
 /// # Errors
 /// [`AtomicError`] if the path is a folder, or its folder does not exist or may not be written to.
@@ -102,7 +103,8 @@ fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
     })
 }
 
-/// Makes the new name survive a power failure where the system can; a system that cannot open folders has nothing to do.
+/// Makes the new name survive a power failure where the system can; a system that cannot open folders has nothing to
+/// do.
 fn sync_folder(path: &Path) {
     if let Ok(folder) = File::open(folder(path)) {
         let _ = folder.sync_all();

@@ -31,8 +31,8 @@
 //! | `radiosity`, `irradiance` | n × D | f8 | B in lm/m² or W/m², E in lx or W/m², at the nodes |
 //! | `camera` | 10 or 0 | f8 | eye, target, up, vertical field of view in radians |
 //!
-//! A quantity given as a function (by a program, never by a file) is stored as varying, without a texture; it comes back
-//! as NaN.
+//! A quantity given as a function (by a program, never by a file) is stored as varying, without a texture; it comes
+//! back as NaN.
 
 mod load;
 mod save;

@@ -63,6 +63,11 @@ pub fn save_false_color(image: &Image, top: f64, unit: &str, path: &Path) -> Res
     write(Some(picture), ImageFormat::Png, path)
 }
 
+/// The greatest luminance in a picture; 0 if nothing is seen.
+pub fn brightest(image: &Image) -> f64 {
+    image.pixels.iter().map(|pixel| luminance(color(pixel))).fold(0.0, f64::max)
+}
+
 /// The colour of the covered part of a pixel.
 fn color(&[r, g, b, cover]: &[f32; 4]) -> [f64; 3] {
     let scale = if cover > 0.0 { 1.0 / f64::from(cover) } else { 0.0 };

@@ -5,7 +5,8 @@
 //! and `VTK_LAGRANGE_TRIANGLE` for quadratics, whose nodes stand in the same order as ours.
 //!
 //! Arrays: `radiosity` and `irradiance` (one component per band), and of each cell `material`, `group` (indices) and
-//! `reflectance` (per band, NaN where a texture varies it). The names of materials and groups are field data.
+//! `reflectance` (per band, NaN where a texture varies it). (Names are left out: string arrays are not read by
+//! `meshio`.)
 //!
 //! The file is written here and not by `vtkio`: that crate's stable release is years old, and the format is one short
 //! XML header before raw little-endian arrays.
@@ -48,7 +49,6 @@ impl Grid {
             "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">",
         );
         grid.line("  <UnstructuredGrid>");
-        grid.names(solution);
         grid.line(&format!("    <Piece NumberOfPoints=\"{points}\" NumberOfCells=\"{}\">", mesh.cells.len()));
         grid.geometry(solution);
         let constant = space.basis().order == 1;
@@ -102,25 +102,6 @@ impl Grid {
     /// VTK's own indices are signed; none is large enough to tell the difference.
     fn integers(&mut self, name: &str, values: impl Iterator<Item = u64>) {
         self.array(name, "Int64", 1, values.map(u64::to_le_bytes));
-    }
-
-    /// Strings in field data are character codes, each string ended by a zero.
-    fn names(&mut self, solution: &Solution) {
-        let materials: Vec<&str> = solution.scene.materials.iter().map(|m| m.name.as_str()).collect();
-        let groups: Vec<&str> = solution.scene.mesh.groups.iter().map(String::as_str).collect();
-        self.line("    <FieldData>");
-        for (name, strings) in [("materials", materials), ("groups", groups)] {
-            let open = format!(
-                "      <Array type=\"String\" Name=\"{name}\" NumberOfTuples=\"{}\" format=\"ascii\">",
-                strings.len()
-            );
-            self.line(&open);
-            let codes = strings.iter().flat_map(|s| s.bytes().filter(|&b| b != 0).chain([0]));
-            let codes: Vec<String> = codes.map(|code| code.to_string()).collect();
-            self.line(&codes.join(" "));
-            self.line("      </Array>");
-        }
-        self.line("    </FieldData>");
     }
 
     fn geometry(&mut self, solution: &Solution) {

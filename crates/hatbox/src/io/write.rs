@@ -43,8 +43,8 @@ pub struct WriteOptions<'a> {
     pub exposure: Option<Exposure>,
     /// Whether `.png` shows luminance in false colours.
     pub false_color: bool,
-    /// Where the false colours end, in the unit of what is shown; if not given, near the brightest surfaces that do not
-    /// themselves emit.
+    /// Where the false colours end, in the unit of what is shown; if not given, at the brightest surfaces in the
+    /// picture but lamps.
     pub false_color_top: Option<f64>,
     /// Hears how a picture proceeds.
     pub progress: &'a dyn Progress,
@@ -161,7 +161,8 @@ fn write_png(solution: &Solution, path: &Path, options: &WriteOptions) -> Result
     let panel = picture::panel_width(view.height);
     view.width = if view.width > 2 * panel { view.width - panel } else { view.width };
     let image = render(solution, &view, options.progress)?;
-    let top = options.false_color_top.unwrap_or_else(|| percentile(solution, view.shown, 0.99));
+    let top = || picture::brightest(&image).min(percentile(solution, view.shown, 0.99));
+    let top = options.false_color_top.unwrap_or_else(top);
     let unit = match (solution.scene.physics, view.shown) {
         (Physics::Light, Shown::Radiosity) => "lm/m²",
         (Physics::Light, Shown::Irradiance) => "lx",

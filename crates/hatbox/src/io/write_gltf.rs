@@ -1,21 +1,23 @@
 //! Baked light as binary glTF.
 //!
-//! Each group of the scene is a node with one primitive per material. Its vertices carry the light twice: as the float32
-//! attribute `_RADIOSITY` (or `_IRRADIANCE`), physical and unclamped, and as `COLOR_0`, the exposed picture of it
-//! between 0 and 1 that any viewer shows, the materials being white and unlit (`KHR_materials_unlit`). Three bands are a
-//! VEC3, one band is a scalar; of any other number each band k is a scalar `_RADIOSITY_k`, and `COLOR_0` is the gray of
-//! their mean. The exposure that was used stands in `asset.extras.hatbox`.
+//! Each group of the scene is a node with one primitive per material. Its vertices carry the light twice: as the
+//! float32 attribute `_RADIOSITY` (or `_IRRADIANCE`), physical and unclamped, and as `COLOR_0`, the exposed picture of
+//! it between 0 and 1 that any viewer shows, the materials being white and unlit (`KHR_materials_unlit`). Three bands
+//! are a VEC3, one band is a scalar; of any other number each band k is a scalar `_RADIOSITY_k`, and `COLOR_0` is the
+//! gray of their mean. The exposure that was used stands in `asset.extras.hatbox`.
 
 use crate::bake::{Baked, Exposure, Part, bake, rgb};
 use crate::io::atomic::{self, AtomicError};
+use crate::linalg::MultiVector;
 use crate::radiosity::{Shown, Solution};
 use crate::scene::{Camera, Physics, Scene};
 use glam::{DMat3, DQuat, DVec3};
-use gltf_json::validation::Checked::Valid;
+use gltf_json::validation::Checked::{self, Valid};
 use gltf_json::validation::USize64;
 use gltf_json::{self as json, Index, accessor, buffer, extensions, material, mesh, scene};
 use std::collections::BTreeMap;
 use std::io::{self, Write};
+use std::ops::Range;
 use std::path::Path;
 
 /// Writes a solution's triangles with their light to a `.glb` file, exposed automatically unless told otherwise.
@@ -105,24 +107,10 @@ impl Writer {
             let uvs = vertices().map(|v| baked.uvs[v].as_vec2().to_array());
             add(mesh::Semantic::TexCoords(0), self.floats(uvs));
         }
-        let values = |v: usize| baked.values.iter_bands().map(move |band| band[v]).collect::<Vec<_>>();
+        let values = |v: usize| baked.values.iter_bands().map(|band| band[v]).collect::<Vec<_>>();
         let colors = vertices().map(|v| exposure.color(rgb(&values(v))).map(|c| c as f32));
         add(mesh::Semantic::Colors(0), self.floats(colors));
-        let name = match shown {
-            Shown::Radiosity => "RADIOSITY",
-            Shown::Irradiance => "IRRADIANCE",
-        };
-        let band = |b: usize| vertices().map(move |v| [to_f32(baked.values.band(b)[v])]);
-        match baked.values.bands() {
-            1 => drop(add(mesh::Semantic::Extras(name.to_owned()), self.floats(band(0)))),
-            3 => {
-                let colors = vertices().map(|v| [0, 1, 2].map(|b| to_f32(baked.values.band(b)[v])));
-                add(mesh::Semantic::Extras(name.to_owned()), self.floats(colors));
-            }
-            n => (0..n).for_each(|b| {
-                add(mesh::Semantic::Extras(format!("{name}_{b}")), self.floats(band(b)));
-            }),
-        }
+        attributes.extend(self.values(vertices(), &baked.values, shown));
         let first = part.vertices.start as u32;
         let indices = baked.triangles[part.triangles.clone()].iter().flatten().map(|index| index - first);
         mesh::Primitive {
@@ -133,6 +121,29 @@ impl Writer {
             material: Some(Index::new(part.material)),
             mode: Valid(mesh::Mode::Triangles),
             targets: None,
+        }
+    }
+
+    /// The physical values, as the attributes that the module's documentation names.
+    fn values(
+        &mut self,
+        vertices: Range<usize>,
+        values: &MultiVector,
+        shown: Shown,
+    ) -> Vec<(Checked<mesh::Semantic>, Index<json::Accessor>)> {
+        let name = match shown {
+            Shown::Radiosity => "RADIOSITY",
+            Shown::Irradiance => "IRRADIANCE",
+        };
+        let semantic = |name: String| Valid(mesh::Semantic::Extras(name));
+        let value = |band: usize, vertex: usize| to_f32(values.band(band)[vertex]);
+        match values.bands() {
+            1 => vec![(semantic(name.to_owned()), self.floats(vertices.map(|v| [value(0, v)])))],
+            3 => vec![(semantic(name.to_owned()), self.floats(vertices.map(|v| [0, 1, 2].map(|b| value(b, v)))))],
+            n => {
+                let band = |b| (semantic(format!("{name}_{b}")), self.floats(vertices.clone().map(|v| [value(b, v)])));
+                (0..n).map(band).collect()
+            }
         }
     }
 
