@@ -11,7 +11,7 @@
 //!
 //! # From a file to a file
 //!
-//! [`io::read_scene`] reads glTF, OBJ or a scene file, [`radiosity::solve`] does the rest, [`io::write`] chooses the format
+//! [`io::read_scene`] reads glTF, OBJ or a scene file, [`radiosity::solve`] does the rest, [`io::write()`] chooses the format
 //! by the extension.
 //!
 //! ```
