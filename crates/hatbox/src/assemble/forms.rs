@@ -7,7 +7,7 @@ use crate::scene::{Quantity, Scene};
 use crate::space::FunctionSpace;
 
 /// Degree of the rules for data that vary over an element (textures, given functions).
-const DATA_DEGREE: usize = 10;
+const DATA_DEGREE: usize = 14;
 
 /// Δ_ij = ∫ N_i N_j, in m²: one block per cell.
 pub fn mass(scene: &Scene, space: &FunctionSpace) -> BlockDiagonal {

@@ -5,5 +5,5 @@ mod pair;
 mod panel;
 
 pub use forms::{function_weighted_mass, load, mass, project, weighted_mass};
-pub use pair::{Accuracy, Block, Sight, facing_parts, pair_block};
+pub use pair::{Accuracy, Block, Sight, facing_parts, pair_block, point_row};
 pub use panel::Panel;

@@ -5,17 +5,17 @@
 //! quadrature that S was assembled with.
 
 use super::Solution;
-use crate::assemble::Panel;
+use crate::assemble::{Panel, point_row};
 use crate::element::Shape;
 use crate::kernel::geometric;
 use crate::quadrature::sequence::{hash, point};
 use crate::visibility::{Bvh, Visibility};
 use glam::DVec3;
 
-/// Panels are sampled so finely that a sample stands for at most this solid angle, divided by the panel's strength.
+/// A ray stands for at most this solid angle, divided by the panel's strength.
 const FINEST: f64 = 1e-2;
-/// Samples for one panel at the most.
-const MAX_SAMPLES: u32 = 1024;
+/// Rays to one panel at the most.
+const MAX_RAYS: u32 = 1024;
 
 /// Gathers irradiance from the panels of a solved scene.
 pub struct Gather<'a> {
@@ -39,34 +39,38 @@ impl Gather<'_> {
         sum
     }
 
-    /// Adds what one panel sends, by stratified points whose number follows the angle under which the panel is seen.
+    /// Adds what one panel sends: the unoccluded integral times the visible share of the light, by rays whose number
+    /// follows how much the panel may matter.
     fn add(&self, cell: usize, x: DVec3, n: DVec3, surface: u32, seed: u64, sum: &mut [f64]) {
         let panel = &self.panels[cell];
-        let corners = panel.patch.corners();
-        let above = |corner: &DVec3| n.dot(corner - x) > 0.0;
-        if panel.normal().dot(x - corners[0]) <= 0.0 || !corners.iter().any(above) {
+        let Some(row) = point_row(panel, x, n) else { return };
+        let distance = (panel.center.distance(x) - panel.radius).max(0.25 * panel.radius);
+        let weight = self.strengths[cell] * panel.area() / (distance * distance);
+        let rays = (weight / FINEST).ceil().clamp(1.0, f64::from(MAX_RAYS)) as u32;
+        let visible = self.visible_share(panel, x, n, surface, hash(seed, cell as u64), rays);
+        if visible == 0.0 {
             return;
         }
-        let distance = (panel.center.distance(x) - panel.radius).max(0.25 * panel.radius);
-        let solid_angle = panel.area() / (distance * distance);
-        let samples = (self.strengths[cell] * solid_angle / FINEST).ceil().clamp(1.0, f64::from(MAX_SAMPLES)) as u32;
-        let set = hash(seed, cell as u64);
         let functions = self.solution.space.range(cell);
-        for k in 0..samples {
+        for (band, sum) in sum.iter_mut().enumerate() {
+            let b = &self.solution.radiosity.band(band)[functions.clone()];
+            *sum += visible * b.iter().zip(row).map(|(b, r)| b * r).sum::<f64>();
+        }
+    }
+
+    /// ΣVG/ΣG over points of the panel.
+    fn visible_share(&self, panel: &Panel, x: DVec3, n: DVec3, surface: u32, set: u64, rays: u32) -> f64 {
+        let (mut seen, mut all) = (0.0, 0.0);
+        for k in 0..rays {
             let p = point(set, k);
-            let at = reference_point(panel.patch.shape(), p[0], p[1]);
-            let y = panel.patch.point(at);
+            let y = panel.patch.point(reference_point(panel.patch.shape(), p[0], p[1]));
             let g = geometric(x, n, y, panel.normal());
-            if g == 0.0 || self.blockers.occluded(x, y, [surface, panel.surface]) {
-                continue;
-            }
-            let density = panel.patch.jacobian(at) * panel.patch.shape().reference_area() / f64::from(samples);
-            let values = panel.element.values(at);
-            for (band, sum) in sum.iter_mut().enumerate() {
-                let b = &self.solution.radiosity.band(band)[functions.clone()];
-                *sum += g * density * b.iter().zip(values).map(|(b, n)| b * n).sum::<f64>();
+            all += g;
+            if g > 0.0 && !self.blockers.occluded(x, y, [surface, panel.surface]) {
+                seen += g;
             }
         }
+        if all > 0.0 { seen / all } else { 0.0 }
     }
 }
 

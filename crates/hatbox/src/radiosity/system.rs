@@ -282,10 +282,11 @@ impl System {
         Ok((self.solution(radiosity), info))
     }
 
-    /// The solution whose radiosity has these broken coefficients: E is the projection of ∫B G V.
+    /// The solution whose radiosity has these broken coefficients. E is the projection Δ⁻¹ S b of what arrives onto the
+    /// *broken* space, joined or not: where shadows have sharp edges (something stands on a floor) it is a third more
+    /// accurate than on hats, and costs no solve.
     fn solution(&self, radiosity: MultiVector) -> Solution {
-        let received = self.join.collect(&self.exchange.times(&radiosity));
-        let irradiance = self.join.spread(&self.inverse_mass().times(&received));
+        let irradiance = self.mass_inverse.times(&self.exchange.times(&radiosity));
         Solution { scene: self.scene.clone(), space: self.space.clone(), radiosity, irradiance }
     }
 

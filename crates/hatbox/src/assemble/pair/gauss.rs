@@ -8,10 +8,11 @@ use crate::kernel::{Points, weighted_row};
 use crate::mesh::Patch;
 use crate::quadrature::rule;
 use glam::DVec3;
+use std::borrow::Cow;
 use std::f64::consts::PI;
 
 /// The most nodes that a rule of the ladder has, on two triangles.
-const MAX_NODES: usize = 64;
+pub(super) const MAX_NODES: usize = 64;
 
 /// The a-priori error of a rule of degree p for a pair with η = (r_a + r_b)/distance, relative to A_a A_b/(π d²).
 ///
@@ -45,14 +46,14 @@ pub(super) fn far(a: &Panel, on_a: &Region, b: &Panel, on_b: &Region, accuracy: 
 
 /// Quadrature nodes on a part of a panel, with the values of its shape functions.
 pub(super) struct Nodes<'a> {
-    points: std::borrow::Cow<'a, Points>,
-    functions: std::borrow::Cow<'a, [[f64; MAX_DOFS]]>,
+    pub(super) points: Cow<'a, Points>,
+    pub(super) functions: Cow<'a, [[f64; MAX_DOFS]]>,
 }
 
 impl<'a> Nodes<'a> {
-    fn on(panel: &'a Panel, region: &Region, rung: usize) -> Self {
+    pub(super) fn on(panel: &'a Panel, region: &Region, rung: usize) -> Self {
         if region.whole {
-            let points = std::borrow::Cow::Borrowed(&panel.ladder[rung]);
+            let points = Cow::Borrowed(&panel.ladder[rung]);
             return Self { points, functions: panel.tabulated(rung).into() };
         }
         let mut points = Points::default();
@@ -71,7 +72,7 @@ impl<'a> Nodes<'a> {
 
     fn with_functions(panel: &Panel, points: Points) -> Self {
         let functions: Vec<_> = (0..points.len()).map(|k| panel.values(points.at(k))).collect();
-        Self { points: std::borrow::Cow::Owned(points), functions: functions.into() }
+        Self { points: Cow::Owned(points), functions: functions.into() }
     }
 }
 

@@ -13,9 +13,12 @@
 
 mod gauss;
 mod near;
+mod point;
 mod region;
 mod sampled;
 mod touching;
+
+pub use point::point_row;
 
 use super::Panel;
 use crate::element::MAX_DOFS;

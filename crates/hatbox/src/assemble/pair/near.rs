@@ -34,14 +34,14 @@ pub(super) fn block(a: &Panel, on_a: &Region, b: &Panel, on_b: &Region, accuracy
 }
 
 /// x ↦ ∫N_k(y) G(x, y) dA(y) over a region of a panel.
-struct Inner<'a> {
+pub(super) struct Inner<'a> {
     panel: &'a Panel,
     polygon: [DVec2; 8],
     len: usize,
 }
 
 impl<'a> Inner<'a> {
-    fn new(panel: &'a Panel, region: &Region) -> Self {
+    pub(super) fn new(panel: &'a Panel, region: &Region) -> Self {
         let mut polygon = [DVec2::ZERO; 8];
         for (p, &corner) in polygon.iter_mut().zip(region.corners()) {
             *p = panel.plane.project(corner);
@@ -49,7 +49,7 @@ impl<'a> Inner<'a> {
         Self { panel, polygon, len: region.corners().len() }
     }
 
-    fn at(&self, x: DVec3, normal: DVec3) -> [f64; MAX_DOFS] {
+    pub(super) fn at(&self, x: DVec3, normal: DVec3) -> [f64; MAX_DOFS] {
         let functions = self.panel.functions.as_ref().unwrap_or(&[[0.0; 6]; MAX_DOFS]);
         let functions = &functions[..self.panel.element.dofs()];
         let degree = match self.panel.element.degree {

@@ -21,12 +21,19 @@ const FLAT: f64 = 1e-6;
 impl Region {
     /// The part of `panel` in front of the plane of `other`, `None` if there is none.
     pub(crate) fn visible(panel: &Panel, other: &Panel) -> Option<Self> {
-        let origin = other.patch.corners()[0];
-        let flat = FLAT * (panel.radius + other.radius);
+        Self::above(panel, other.patch.corners()[0], other.normal(), FLAT * (panel.radius + other.radius))
+    }
+
+    /// The part of `panel` above the horizon of a point with a normal, `None` if there is none.
+    pub(crate) fn in_front(panel: &Panel, x: DVec3, n: DVec3) -> Option<Self> {
+        Self::above(panel, x, n, FLAT * panel.radius)
+    }
+
+    fn above(panel: &Panel, origin: DVec3, normal: DVec3, flat: f64) -> Option<Self> {
         let corners = panel.patch.corners();
         let mut heights = [0.0; 4];
         for (height, &corner) in heights.iter_mut().zip(corners) {
-            *height = other.normal().dot(corner - origin);
+            *height = normal.dot(corner - origin);
         }
         let heights = &heights[..corners.len()];
         if heights.iter().all(|&h| h <= flat) {

@@ -1,0 +1,49 @@
+//! ∫N_k(y) G(x, y) dA(y): what a point receives from a panel, as if nothing stood between.
+
+use super::Region;
+use super::gauss::Nodes;
+use super::near::Inner;
+use crate::assemble::Panel;
+use crate::element::MAX_DOFS;
+use crate::kernel::weighted_row;
+use glam::DVec3;
+
+/// Radius over distance below which a Gauss rule of degree 5 is accurate to 1e-5.
+const FAR: f64 = 0.2;
+/// The rung of the ladder with that rule.
+const FAR_RUNG: usize = 2;
+/// Degree of the rule where there is neither distance nor a closed form.
+const NEAR_DEGREE: usize = 14;
+
+/// ∫N_k G over a panel for each of its shape functions, at the point `x` of a surface with unit normal `n`; `None` if
+/// the panel faces away or lies below the point's horizon. Dimensionless.
+pub fn point_row(panel: &Panel, x: DVec3, n: DVec3) -> Option<[f64; MAX_DOFS]> {
+    if panel.normal().dot(x - panel.patch.corners()[0]) <= 0.0 {
+        return None;
+    }
+    let region = Region::in_front(panel, x, n)?;
+    if panel.radius < FAR * panel.center.distance(x) {
+        return Some(sum(&Nodes::on(panel, &region, FAR_RUNG), panel, x, n));
+    }
+    if panel.functions.is_some() {
+        return Some(Inner::new(panel, &region).at(x, n));
+    }
+    let mut total = [0.0; MAX_DOFS];
+    for triangle in region.triangles() {
+        let part = sum(&Nodes::on_triangle(panel, &triangle, NEAR_DEGREE), panel, x, n);
+        total = std::array::from_fn(|k| total[k] + part[k]);
+    }
+    Some(total)
+}
+
+/// Σ_q w_q N_k(y_q) G(x, y_q).
+fn sum(nodes: &Nodes<'_>, panel: &Panel, x: DVec3, n: DVec3) -> [f64; MAX_DOFS] {
+    let mut kernel = [0.0; super::gauss::MAX_NODES];
+    let kernel = &mut kernel[..nodes.points.len()];
+    weighted_row(x, n, &nodes.points, panel.normal(), kernel);
+    let mut row = [0.0; MAX_DOFS];
+    for (g, values) in kernel.iter().zip(nodes.functions.iter()) {
+        row = std::array::from_fn(|k| row[k] + g * values[k]);
+    }
+    row
+}
