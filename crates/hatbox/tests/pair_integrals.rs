@@ -1,5 +1,7 @@
 //! Pair integrals against closed forms: the unoccluded view factors, from a single element per surface.
 
+#![expect(clippy::float_cmp, reason = "what cannot be seen is exactly 0")]
+
 use glam::{DMat3, DVec3};
 use hatbox::assemble::{Accuracy, Block, Panel, Sight, pair_block};
 use hatbox::element::{ALL, Basis, Shape};
@@ -118,7 +120,7 @@ fn perpendicular_rectangles_apart_c15() {
         let b = [at(eta[0], xi[0]), at(eta[1], xi[0]), at(eta[1], xi[1]), at(eta[0], xi[1])];
         let term = |k: usize| {
             let bit = |n: usize| k >> n & 1;
-            let sign = if k.count_ones() % 2 == 0 { 1.0 } else { -1.0 };
+            let sign = if k.count_ones().is_multiple_of(2) { 1.0 } else { -1.0 };
             sign * perpendicular(x[bit(0)], xi[bit(1)], [0.0, 1.0][bit(2)], eta[bit(3)])
         };
         let exact: f64 = (0..16).map(term).sum();

@@ -28,7 +28,7 @@ impl MultiVector {
 
     /// Takes band after band, each of `data.len() / bands` rows; `None` if that does not divide.
     pub fn from_bands(bands: usize, data: Vec<f64>) -> Option<Self> {
-        (bands > 0 && data.len() % bands == 0).then(|| Self { rows: data.len() / bands, bands, data })
+        (bands > 0 && data.len().is_multiple_of(bands)).then(|| Self { rows: data.len() / bands, bands, data })
     }
 
     /// Number of rows.

@@ -28,8 +28,11 @@ pub enum Quantity {
         texture: Arc<Texture>,
     },
     /// Any function of the place and the band.
-    Function(Arc<dyn Fn(&Site, usize) -> f64 + Send + Sync>),
+    Function(Arc<Function>),
 }
+
+/// A number for a place and a band.
+pub type Function = dyn Fn(&Site, usize) -> f64 + Send + Sync;
 
 impl Quantity {
     /// The same value everywhere and in all bands.

@@ -8,7 +8,7 @@ mod material;
 mod texture;
 
 pub use build::{SceneError, Warning};
-pub use material::{Material, Quantity, STEFAN_BOLTZMANN, Site};
+pub use material::{Function, Material, Quantity, STEFAN_BOLTZMANN, Site};
 pub use texture::{Texture, Wrap};
 
 use crate::mesh::Mesh;
