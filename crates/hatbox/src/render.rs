@@ -9,6 +9,7 @@ use crate::mesh::Mesh;
 use crate::progress::{Interrupted, Progress};
 use crate::radiosity::{Shown, Solution};
 use crate::scene::Camera;
+use crate::visibility::Bvh;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -54,7 +55,7 @@ pub fn render(solution: &Solution, options: &RenderOptions, progress: &dyn Progr
     let aspect = width as f64 / height.max(1) as f64;
     let camera = options.camera.or(solution.scene.camera);
     let camera = camera.unwrap_or_else(|| fitting_camera(&solution.scene.mesh, DVec3::Y, aspect));
-    let view = View { solution, shown, frame: Frame::new(&camera), cells: Cells::new(&solution.scene.mesh) };
+    let view = View { solution, shown, frame: Frame::new(&camera), cells: cells(&solution.scene.mesh) };
     progress.begin("render", height as u64);
     let mut pixels = vec![[0.0; 4]; width * height];
     let rows = pixels.par_chunks_mut(width.max(1)).enumerate();
@@ -124,7 +125,7 @@ struct View<'a> {
     solution: &'a Solution,
     shown: Shown,
     frame: Frame,
-    cells: Cells,
+    cells: Bvh,
 }
 
 impl View<'_> {
@@ -166,56 +167,16 @@ fn value(solution: &Solution, shown: Shown, cell: usize, at: [f64; 2], band: usi
 }
 
 /// The cells as triangles to hit.
-struct Cells {
-    triangles: Vec<[DVec3; 3]>,
-    ids: Vec<u32>,
-}
-
-/// Where a ray lands.
-struct Hit {
-    /// In lengths of the ray's direction.
-    t: f64,
-    id: u32,
-}
-
-impl Cells {
-    fn new(mesh: &Mesh) -> Self {
-        let (mut triangles, mut ids) = (Vec::new(), Vec::new());
-        for cell in 0..mesh.cells.len() {
-            let patch = mesh.patch(cell);
-            for &corners in patch.triangles() {
-                triangles.push(corners.map(|k| patch.corners()[k]));
-                ids.push(cell as u32);
-            }
+fn cells(mesh: &Mesh) -> Bvh {
+    let (mut triangles, mut ids) = (Vec::new(), Vec::new());
+    for cell in 0..mesh.cells.len() {
+        let patch = mesh.patch(cell);
+        for &corners in patch.triangles() {
+            triangles.push(corners.map(|k| patch.corners()[k]));
+            ids.push(cell as u32);
         }
-        Self { triangles, ids }
     }
-
-    /// The nearest triangle before `t_max` that `accept(id, whether its front is seen)` takes, by trying all of them.
-    fn closest_hit(
-        &self,
-        origin: DVec3,
-        direction: DVec3,
-        t_max: f64,
-        accept: impl Fn(u32, bool) -> bool,
-    ) -> Option<Hit> {
-        let mut nearest = None;
-        let mut limit = t_max;
-        for (&[a, b, c], &id) in self.triangles.iter().zip(&self.ids) {
-            let (u, v) = (b - a, c - a);
-            let normal = u.cross(v);
-            let (det, r) = (-direction.dot(normal), origin - a);
-            let cross = r.cross(direction);
-            let [x, y, t] = [v.dot(cross), -u.dot(cross), r.dot(normal)].map(|e| e / det);
-            // Neighbours overlap by a hair, so that no ray slips between them.
-            let inside = x.min(y).min(1.0 - x - y) >= -1e-9;
-            if inside && t > 0.0 && t < limit && accept(id, det > 0.0) {
-                limit = t;
-                nearest = Some(Hit { t, id });
-            }
-        }
-        nearest
-    }
+    Bvh::new(&triangles, &ids)
 }
 
 #[cfg(test)]

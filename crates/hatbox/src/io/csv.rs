@@ -197,8 +197,8 @@ fn fields(line: &str) -> Vec<&str> {
     fields.filter(|field| separator.is_some() || !field.is_empty()).collect()
 }
 
-/// Writes points with the values found there: the six columns of each point, then `E_0 …` and `B_0 …`, to a `.npy` array
-/// or, with any other extension, a table with a header. The functions have one row per point.
+/// Writes points with the values found there (see [`write_points`]) to a `.npy` array or, with any other extension, a
+/// table. The functions have one row per point.
 ///
 /// # Errors
 /// [`AtomicError`] if the file cannot be written; there is none then.
@@ -208,22 +208,42 @@ pub fn save_points(
     radiosity: &MultiVector,
     path: &Path,
 ) -> Result<(), AtomicError> {
-    let row = |i: usize| {
-        let Point { position, normal } = points[i];
-        let point = position.to_array().into_iter().chain(normal.to_array());
-        point.chain(values(irradiance, radiosity, i))
-    };
-    let columns = 6 + irradiance.bands() + radiosity.bands();
     atomic::write(path, |file| {
-        if is_npy(path) {
-            return file.write_all(&npy::encode(&[points.len(), columns], (0..points.len()).flat_map(row)));
+        if !is_npy(path) {
+            return write_points(points, irradiance, radiosity, file);
         }
-        writeln!(file, "{}{}", COLUMNS.join(","), band_names(radiosity.bands()))?;
-        (0..points.len()).try_for_each(|i| {
-            numbers(file, row(i), "")?;
-            writeln!(file)
-        })
+        let columns = 6 + irradiance.bands() + radiosity.bands();
+        let rows = points.iter().enumerate().flat_map(|(i, point)| with_values(point, irradiance, radiosity, i));
+        npy::write(file, &[points.len(), columns], rows)
     })
+}
+
+/// Writes a table with a header: the six columns of each point, then `E_0 …` and `B_0 …`.
+///
+/// # Errors
+/// What the writer says.
+pub fn write_points(
+    points: &[Point],
+    irradiance: &MultiVector,
+    radiosity: &MultiVector,
+    writer: &mut impl Write,
+) -> io::Result<()> {
+    writeln!(writer, "{}{}", COLUMNS.join(","), band_names(radiosity.bands()))?;
+    points.iter().enumerate().try_for_each(|(i, point)| {
+        numbers(writer, with_values(point, irradiance, radiosity, i), "")?;
+        writeln!(writer)
+    })
+}
+
+/// A point and, of the functions' row i, E and B.
+fn with_values<'a>(
+    point: &Point,
+    irradiance: &'a MultiVector,
+    radiosity: &'a MultiVector,
+    i: usize,
+) -> impl Iterator<Item = f64> + 'a {
+    let point = point.position.to_array().into_iter().chain(point.normal.to_array());
+    point.chain(values(irradiance, radiosity, i))
 }
 
 fn is_npy(path: &Path) -> bool {
@@ -251,7 +271,7 @@ fn numbers(file: &mut impl Write, values: impl Iterator<Item = f64>, before: &st
 }
 
 /// A field of text, in quotes if it must be.
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r', ';']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
