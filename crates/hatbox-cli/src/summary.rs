@@ -1,6 +1,7 @@
 //! Reports as text: a few aligned lines, most important first.
 
 use crate::commands::Written;
+use crate::commands::check::Done as Checked;
 use crate::commands::factors::Done as Factors;
 use crate::commands::solve::Done;
 use crate::style::Style;
@@ -193,6 +194,41 @@ fn matrix(found: &ViewFactors, style: Style) -> String {
     text
 }
 
+/// What `check` found.
+pub(crate) fn check(path: &Path, done: &Checked, style: Style) -> String {
+    let mut lines = Lines::new(style);
+    if let Some(scene) = &done.scene {
+        let [x, y, z] = scene.size.map(digits);
+        let (faces, area) = (count(scene.faces as u64), digits(scene.area));
+        lines.line("Scene", &format!("{}: {faces} faces, {area} m², {x} × {y} × {z} m", path.display()));
+    } else {
+        lines.line("Scene", &path.display().to_string());
+    }
+    if let Some(lighting) = &done.lighting {
+        let escape = match lighting.escape {
+            0.0 => "closed".to_owned(),
+            escape => format!("open: {} of the directions lead out or to unlit backs", percent(escape)),
+        };
+        lines.line("Light", &format!("{} of {} sides emit; {escape}", lighting.emitters, lighting.faces));
+    }
+    for found in &done.findings {
+        let label = format!("{:<9}", found.severity);
+        let label = match found.severity {
+            "error" => style.error(&label),
+            "warning" => style.warning(&label),
+            _ => style.faint(&label),
+        };
+        lines.text += &format!("{label} {}\n", found.message);
+    }
+    let verdict = match (done.ok, done.findings.is_empty()) {
+        (true, true) => "nothing suspicious",
+        (true, false) => "it can be solved",
+        (false, _) => "it cannot be solved",
+    };
+    lines.line("Verdict", verdict);
+    lines.text
+}
+
 /// Only the files.
 pub(crate) fn outputs(outputs: &[Written], style: Style) -> String {
     let mut lines = Lines::new(style);
@@ -237,7 +273,8 @@ fn digits(value: f64) -> String {
 }
 
 fn percent(fraction: f64) -> String {
-    let percent = 100.0 * fraction;
+    // What is left of zero after rounding is zero.
+    let percent = if fraction.abs() < 1e-12 { 0.0 } else { 100.0 * fraction };
     if percent.abs() < 0.01 && percent != 0.0 { format!("{percent:.0e} %") } else { digits(percent) + " %" }
 }
 

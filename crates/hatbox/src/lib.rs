@@ -2,6 +2,7 @@
 
 pub mod assemble;
 pub mod bake;
+pub mod check;
 pub mod element;
 pub mod exchange;
 pub mod io;

@@ -1,6 +1,6 @@
 //! What each command does: options, work, files, summary.
 
-mod check;
+pub(crate) mod check;
 pub(crate) mod factors;
 mod probe;
 mod render;
