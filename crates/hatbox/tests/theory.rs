@@ -60,7 +60,10 @@ fn constants_give_the_classical_radiosity_system() {
 /// The same solver solves every basis, and all solvers agree.
 #[test]
 fn every_solver_solves_every_basis() {
-    let materials = vec![Material::diffuse("walls", 0.6), Material { exitance: Quantity::gray(1.0), ..Material::diffuse("lamp", 0.3) }];
+    let materials = vec![
+        Material::diffuse("walls", 0.6),
+        Material { exitance: Quantity::gray(1.0), ..Material::diffuse("lamp", 0.3) },
+    ];
     let scene = cube(materials, |face| u32::from(face == 1));
     for basis in &ALL {
         for continuity in ["continuous", "broken"] {
@@ -92,13 +95,13 @@ fn every_solver_solves_every_basis() {
 
 #[test]
 fn the_exchange_operator_is_symmetric_to_the_last_bit() {
-    let scene = cube(vec![Material::diffuse("walls", 0.5)], |_| 0).refined(Refinement::Elements(48), &ALL[1]).expect("refined");
+    let scene =
+        cube(vec![Material::diffuse("walls", 0.5)], |_| 0).refined(Refinement::Elements(48), &ALL[1]).expect("refined");
     let space = FunctionSpace::broken(&scene.mesh, &ALL[1]).expect("an element for every cell");
     let s = dense(&scene, &space, 1e-3);
     let n = space.broken_dofs();
-    let columns: Vec<MultiVector> = (0..n)
-        .map(|j| s.times(&MultiVector::from_fn(n, 1, |row, _| f64::from(u8::from(row == j)))))
-        .collect();
+    let columns: Vec<MultiVector> =
+        (0..n).map(|j| s.times(&MultiVector::from_fn(n, 1, |row, _| f64::from(u8::from(row == j))))).collect();
     for i in 0..n {
         for j in 0..n {
             assert_eq!(columns[j].band(0)[i].to_bits(), columns[i].band(0)[j].to_bits(), "S_{i}{j}");
@@ -127,7 +130,9 @@ fn the_solution_turns_moves_and_scales_with_the_scene() {
     };
     let still = room(DQuat::IDENTITY, 1.0, DVec3::ZERO);
     let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 0.9);
-    for (turn, scale, shift) in [(turn, 1.0, DVec3::splat(3.0)), (turn, 1e-2, DVec3::ZERO), (DQuat::IDENTITY, 1e3, DVec3::ONE)] {
+    for (turn, scale, shift) in
+        [(turn, 1.0, DVec3::splat(3.0)), (turn, 1e-2, DVec3::ZERO), (DQuat::IDENTITY, 1e3, DVec3::ONE)]
+    {
         let moved = room(turn, scale, shift);
         let mut difference = still.clone();
         difference.add_scaled(-1.0, &moved);
@@ -176,13 +181,18 @@ fn from_face(face: &Patch, x: DVec3, n: DVec3) -> f64 {
     let outline = [0, 1, 2, 3].map(|k| plane.project(face.corners()[k]));
     let moments = Moments::new(&plane, &outline, x, n, 2);
     let m = moments.values;
-    let polynomial = b(0.0, 0.0) * m[0] + slope.dot(DVec2::new(m[1], m[2])) + curve[0] * m[3] + curve[1] * m[4] + curve[2] * m[5];
+    let polynomial =
+        b(0.0, 0.0) * m[0] + slope.dot(DVec2::new(m[1], m[2])) + curve[0] * m[3] + curve[1] * m[4] + curve[2] * m[5];
     let mut rest = 0.0;
     let gauss = gauss_legendre(8);
     for (&(s, ws), &(t, wt)) in gauss.iter().flat_map(|s| gauss.iter().map(move |t| (s, t))) {
         let y = face.point([s, t]);
         let rho = plane.project(y) - moments.foot;
-        let taylor = b(0.0, 0.0) + slope.dot(rho) + curve[0] * rho.x * rho.x + curve[1] * rho.x * rho.y + curve[2] * rho.y * rho.y;
+        let taylor = b(0.0, 0.0)
+            + slope.dot(rho)
+            + curve[0] * rho.x * rho.x
+            + curve[1] * rho.x * rho.y
+            + curve[2] * rho.y * rho.y;
         rest += ws * wt * face.area() * (chosen(y) - taylor) * geometric(x, n, y, face.normal());
     }
     polynomial + rest
@@ -240,7 +250,8 @@ fn the_l2_error_falls_at_the_order_of_the_basis() {
 #[test]
 fn varying_reflectance_converges_at_twice_the_order_of_the_basis() {
     let r = |p: DVec3| 0.5 + 0.4 * (2.5 * p.x + 1.0).sin() * (1.7 * p.y).cos();
-    let source = Patch::new(Shape::Quad, [[0.0, 0.3, 1.0], [0.0, 1.0, 1.0], [1.2, 1.0, 1.0], [1.2, 0.3, 1.0]].map(DVec3::from));
+    let source =
+        Patch::new(Shape::Quad, [[0.0, 0.3, 1.0], [0.0, 1.0, 1.0], [1.2, 1.0, 1.0], [1.2, 0.3, 1.0]].map(DVec3::from));
     let source = Panel::new(source, ALL[0].element(Shape::Quad).expect("constant quads"), [100, 101, 102, 103], 1);
     let exact: f64 = reflected_exactly(&r, &source);
     for basis in [&ALL[0], &ALL[1]] {
@@ -265,11 +276,19 @@ fn reflected_exactly(r: &impl Fn(DVec3) -> f64, source: &Panel) -> f64 {
         .sum()
 }
 
-fn reflected_by_projection(basis: &'static Basis, n: usize, r: &(impl Fn(DVec3) -> f64 + Clone + Send + Sync + 'static), source: &Panel) -> f64 {
+fn reflected_by_projection(
+    basis: &'static Basis,
+    n: usize,
+    r: &(impl Fn(DVec3) -> f64 + Clone + Send + Sync + 'static),
+    source: &Panel,
+) -> f64 {
     let mut mesh = Mesh::default();
     meshes::face(&mut mesh, &[DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y], 0);
     let f = r.clone();
-    let material = Material { reflectance: Quantity::function(move |site, _| f(site.position)), ..Material::diffuse("textured", 0.0) };
+    let material = Material {
+        reflectance: Quantity::function(move |site, _| f(site.position)),
+        ..Material::diffuse("textured", 0.0)
+    };
     let scene = Scene::new(mesh.triangulated(), vec![material], Physics::Light, None).expect("valid");
     let scene = scene.refined(Refinement::MaxEdge(1.001 * SQRT_2 / n as f64), basis).expect("refined");
     let space = FunctionSpace::broken(&scene.mesh, basis).expect("triangles");
@@ -285,7 +304,10 @@ fn reflected_by_projection(basis: &'static Basis, n: usize, r: &(impl Fn(DVec3) 
 
 #[test]
 fn results_are_the_same_bytes_on_any_number_of_threads() {
-    let scene = hatbox::io::read_scene(std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/cornell.obj"))).expect("read").0;
+    let scene =
+        hatbox::io::read_scene(std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/cornell.obj")))
+            .expect("read")
+            .0;
     let options = Options { refinement: Refinement::Elements(150), error_points: 16, ..Options::default() };
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");

@@ -30,6 +30,8 @@ const ROUNDS: usize = 8;
 pub struct Closure {
     /// Fraction of cosine-distributed rays, area-weighted, that leave the scene or end on a back.
     pub escape: f64,
+    /// 1 − 1ᵀS1/A before scaling: the same fraction, as S has it.
+    pub lost: f64,
     /// Largest |1 − (S 1)_i/A_i| over the cells before scaling, meaningful in a closed scene.
     pub deficit: f64,
     /// Whether S was scaled to exact row sums.
@@ -76,8 +78,11 @@ impl Balanced {
     ) -> Self {
         let ones = MultiVector::uniform(space.broken_dofs(), &[1.0]);
         let target = mass.times(&ones);
-        let deficit = cell_deficit(space, &target, &exchange.times(&ones));
-        let closure = Closure { escape, deficit, balanced: false };
+        let sums = exchange.times(&ones);
+        let total = |x: &MultiVector| x.band(0).iter().sum::<f64>();
+        let lost = 1.0 - total(&sums) / total(&target);
+        let deficit = cell_deficit(space, &target, &sums);
+        let closure = Closure { escape, lost, deficit, balanced: false };
         let mut balanced = Self { exchange, scaling: None, closure };
         if escape == 0.0 && deficit < GREATEST_DEFICIT {
             balanced.balance(scene, space, mass, mass_inverse, &target);
