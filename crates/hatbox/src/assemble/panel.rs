@@ -2,7 +2,6 @@ use crate::element::{ALL, Element, MAX_DOFS, Polynomial, Shape};
 use crate::kernel::{Plane, Points};
 use crate::mesh::{Mesh, Patch};
 use crate::quadrature::{Rule, rule};
-use crate::scene::Surface;
 use crate::space::FunctionSpace;
 use glam::{DVec2, DVec3};
 use std::sync::LazyLock;
@@ -68,17 +67,6 @@ impl Panel {
     /// The unit normal.
     pub fn normal(&self) -> DVec3 {
         self.patch.normal()
-    }
-
-    /// The whole face of the input that the panel is a part of, seen from the panel's side.
-    pub fn on_surface(&self, surface: &Surface) -> Self {
-        let [a, b, c, d] = surface.corners;
-        let shape = if c == d { Shape::Triangle } else { Shape::Quad };
-        let front = Patch::new(shape, [a, b, c, d]);
-        let back = if shape == Shape::Triangle { [a, c, b, b] } else { [a, d, c, b] };
-        let patch = if front.normal().dot(self.normal()) > 0.0 { front } else { Patch::new(shape, back) };
-        let element = ALL[0].element(shape).unwrap_or(ALL[0].triangle);
-        Self::new(patch, element, [u32::MAX; 4], self.surface)
     }
 
     /// N_k at a point of the panel.

@@ -5,7 +5,7 @@
 //! A product reads every coefficient once and uses it twice, for all bands.
 
 use super::{Exchange, ExchangeError, Geometry, Params, Statistics};
-use crate::assemble::{Accuracy, Block, Panel, Sight, facing_parts, pair_block};
+use crate::assemble::{Accuracy, Block, Facing, Panel, Sight, facing_block};
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::progress::{Interrupted, Progress};
 use crate::visibility::{Shaft, ShaftResult, Visibility};
@@ -204,13 +204,14 @@ impl Builder<'_> {
         let blockers = self.geometry.blockers;
         let skip = [a.surface, b.surface];
         let through_tree = |x: DVec3, y: DVec3| blockers.occluded(x, y, skip);
-        let block = match sights.to(b)? {
-            Between::Clear => pair_block(a, b, Sight::Clear, strengths, &self.accuracy),
+        let (facing, between) = sights.to(b)?;
+        let block = |sight| facing_block(a, b, &facing, sight, strengths, &self.accuracy);
+        let block = match between {
+            Between::Clear => block(Sight::Clear),
             Between::Some(candidates) => {
-                let through_list = |x: DVec3, y: DVec3| blockers.occluded_by(x, y, candidates);
-                pair_block(a, b, Sight::Partial(&through_list), strengths, &self.accuracy)
+                block(Sight::Partial(&|x, y| blockers.occluded_by(x, y, candidates)))
             }
-            Between::Many => pair_block(a, b, Sight::Partial(&through_tree), strengths, &self.accuracy),
+            Between::Many => block(Sight::Partial(&through_tree)),
         };
         (block.sum() != 0.0).then_some(block)
     }
@@ -242,15 +243,16 @@ impl<'a> Sights<'a> {
     }
 
     /// `None` if the panels face away from each other.
-    fn to(&mut self, other: &Panel) -> Option<Between<'_>> {
-        let (on_from, on_other) = facing_parts(self.from, other)?;
+    fn to(&mut self, other: &Panel) -> Option<(Facing, Between<'_>)> {
+        let facing = Facing::new(&self.from.patch, &other.patch)?;
         if self.surface != Some(other.surface) {
             self.look_at_surface(other);
         }
         if self.to_surface == ShaftResult::Empty {
-            return Some(Between::Clear);
+            return Some((facing, Between::Clear));
         }
-        let shaft = Shaft::new(&on_from, &on_other);
+        let [on_from, on_other] = facing.polygons();
+        let shaft = Shaft::new(on_from, on_other);
         self.candidates.clear();
         if self.to_surface == ShaftResult::Candidates {
             let blockers = self.geometry.blockers;
@@ -260,22 +262,24 @@ impl<'a> Sights<'a> {
             let skip = [self.from.surface, other.surface];
             let found = self.geometry.blockers.shaft_candidates(&shaft, &skip, &mut self.candidates, MAX_CANDIDATES);
             if found == ShaftResult::TooMany {
-                return Some(Between::Many);
+                return Some((facing, Between::Many));
             }
         }
-        Some(if self.candidates.is_empty() { Between::Clear } else { Between::Some(&self.candidates) })
+        let between = if self.candidates.is_empty() { Between::Clear } else { Between::Some(&self.candidates) };
+        Some((facing, between))
     }
 
     /// Finds what may stand between the cell and the whole face that another belongs to.
     fn look_at_surface(&mut self, other: &Panel) {
         self.surface = Some(other.surface);
         self.inherited.clear();
-        let face = other.on_surface(&self.geometry.surfaces[other.surface as usize]);
-        let Some((on_from, on_face)) = facing_parts(self.from, &face) else {
+        let face = self.geometry.surfaces[other.surface as usize].patch(other.normal());
+        let Some(facing) = Facing::new(&self.from.patch, &face) else {
             self.to_surface = ShaftResult::TooMany;
             return;
         };
-        let shaft = Shaft::new(&on_from, &on_face);
+        let [on_from, on_face] = facing.polygons();
+        let shaft = Shaft::new(on_from, on_face);
         let skip = [self.from.surface, other.surface];
         self.to_surface = self.geometry.blockers.shaft_candidates(&shaft, &skip, &mut self.inherited, MAX_CANDIDATES);
     }

@@ -23,10 +23,11 @@ pub fn hash(seed: u64, counter: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// The Sobol' number as a 32-bit fixed-point fraction.
+/// The Sobol' number as a 32-bit fixed-point fraction: the exclusive or of the direction numbers of the index's bits, a
+/// byte at a time.
 fn sobol(index: u32, dimension: usize) -> u32 {
-    let directions = &DIRECTIONS[dimension];
-    (0..32).filter(|bit| index >> bit & 1 == 1).fold(0, |x, bit| x ^ directions[bit])
+    let table = &BYTES[dimension];
+    index.to_le_bytes().iter().zip(table).fold(0, |x, (&byte, row)| x ^ row[usize::from(byte)])
 }
 
 /// Owen's nested uniform scrambling: each bit is flipped by a hash of the bits above it.
@@ -41,8 +42,22 @@ fn scramble(x: u32, seed: u32) -> u32 {
 }
 
 /// The 32 direction numbers of each dimension; the first is van der Corput's sequence.
-static DIRECTIONS: [[u32; 32]; 4] =
+const DIRECTIONS: [[u32; 32]; 4] =
     [directions(0, 0, &[]), directions(1, 0, &[1]), directions(2, 1, &[1, 3]), directions(3, 1, &[1, 3, 1])];
+
+/// For each dimension and byte of an index, what the byte contributes.
+static BYTES: [[[u32; 256]; 4]; 4] = {
+    let mut tables = [[[0; 256]; 4]; 4];
+    let mut k = 0;
+    while k < 4 * 4 * 256 * 8 {
+        let (dimension, byte, value, bit) = (k >> 13, k >> 11 & 3, k >> 3 & 255, k & 7);
+        if value >> bit & 1 == 1 {
+            tables[dimension][byte][value] ^= DIRECTIONS[dimension][8 * byte + bit];
+        }
+        k += 1;
+    }
+    tables
+};
 
 /// Direction numbers from a primitive polynomial of degree s with inner coefficients a, and s initial numbers.
 const fn directions(s: usize, a: u32, initial: &[u32]) -> [u32; 32] {

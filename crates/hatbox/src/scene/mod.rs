@@ -11,7 +11,8 @@ pub use build::{SceneError, Warning};
 pub use material::{Function, Material, Quantity, STEFAN_BOLTZMANN, Site};
 pub use texture::{Texture, Wrap};
 
-use crate::mesh::Mesh;
+use crate::element::Shape;
+use crate::mesh::{Mesh, Patch};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -46,6 +47,14 @@ pub struct Surface {
 }
 
 impl Surface {
+    /// Its geometry, seen from the side that `normal` points to.
+    pub fn patch(&self, normal: DVec3) -> Patch {
+        let [a, b, c, d] = self.corners;
+        let (shape, back) = if c == d { (Shape::Triangle, [a, c, b, b]) } else { (Shape::Quad, [a, d, c, b]) };
+        let front = Patch::new(shape, self.corners);
+        if front.normal().dot(normal) >= 0.0 { front } else { Patch::new(shape, back) }
+    }
+
     /// The triangles it consists of: one, or two along the diagonal 0–2.
     pub fn triangles(&self) -> impl Iterator<Item = [DVec3; 3]> {
         let [a, b, c, d] = self.corners;

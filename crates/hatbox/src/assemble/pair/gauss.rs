@@ -105,6 +105,7 @@ pub(super) fn product(on_a: &Nodes<'_>, on_b: &Nodes<'_>, a: &Panel, b: &Panel) 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::assemble::pair::Facing;
     use crate::assemble::pair::near::quarters;
     use crate::element::ALL;
     use crate::quadrature::sequence;
@@ -142,7 +143,7 @@ mod tests {
                 let away =
                     (DVec3::new(way[0], way[1], way[2]) - 0.5).normalize_or(DVec3::X) * (1.0 + 8.0 * way[3].powi(3));
                 let b = random_panel(3 * k + 1, away, element);
-                let (Some(on_a), Some(on_b)) = (Region::visible(&a, &b), Region::visible(&b, &a)) else { continue };
+                let Some(Facing { first: on_a, second: on_b }) = Facing::new(&a.patch, &b.patch) else { continue };
                 let d = b.center.distance(a.center);
                 let eta = (a.radius + b.radius) / d;
                 if eta > 1.0 {

@@ -19,6 +19,7 @@ mod sampled;
 mod touching;
 
 pub use point::point_row;
+pub use region::Facing;
 
 use super::Panel;
 use crate::element::MAX_DOFS;
@@ -130,32 +131,38 @@ impl Block {
 /// The block S_ab of two panels. `weights` are how strongly errors count that reach a from b, and b from a (1 unless
 /// one of them is a strong emitter).
 pub fn pair_block(a: &Panel, b: &Panel, sight: Sight<'_>, weights: [f64; 2], accuracy: &Accuracy) -> Block {
-    let zero = Block::zeros(a, b);
-    if matches!(sight, Sight::Blocked) {
-        return zero;
-    }
-    let (Some(on_a), Some(on_b)) = (Region::visible(a, b), Region::visible(b, a)) else { return zero };
-    let block = unoccluded(a, &on_a, b, &on_b, accuracy);
-    match sight {
-        Sight::Partial(hides) => sampled::visible_part(a, &on_a, b, &on_b, &block, hides, weights, accuracy),
-        _ => block,
+    match Facing::new(&a.patch, &b.patch) {
+        Some(facing) => facing_block(a, b, &facing, sight, weights, accuracy),
+        None => Block::zeros(a, b),
     }
 }
 
-/// The polygons in which two panels see each other but for what stands between: each cut at the other's horizon. `None`
-/// if they cannot see each other.
-pub fn facing_parts(a: &Panel, b: &Panel) -> Option<(Vec<DVec3>, Vec<DVec3>)> {
-    let (on_a, on_b) = (Region::visible(a, b)?, Region::visible(b, a)?);
-    Some((on_a.corners().to_vec(), on_b.corners().to_vec()))
+/// [`pair_block`] where the parts that face each other are known.
+pub fn facing_block(
+    a: &Panel,
+    b: &Panel,
+    facing: &Facing,
+    sight: Sight<'_>,
+    weights: [f64; 2],
+    accuracy: &Accuracy,
+) -> Block {
+    match sight {
+        Sight::Blocked => Block::zeros(a, b),
+        Sight::Clear => unoccluded(a, b, facing, accuracy),
+        Sight::Partial(hides) => {
+            let block = unoccluded(a, b, facing, accuracy);
+            sampled::Sampling { a, b, facing, weights, accuracy }.visible_part(&block, hides)
+        }
+    }
 }
 
 /// The block as if nothing stood between.
-fn unoccluded(a: &Panel, on_a: &Region, b: &Panel, on_b: &Region, accuracy: &Accuracy) -> Block {
-    if let Some(block) = gauss::far(a, on_a, b, on_b, accuracy) {
+fn unoccluded(a: &Panel, b: &Panel, Facing { first, second }: &Facing, accuracy: &Accuracy) -> Block {
+    if let Some(block) = gauss::far(a, first, b, second, accuracy) {
         return block;
     }
-    if on_a.whole && on_b.whole && touching::shares_a_corner(a, b) {
+    if first.whole && second.whole && touching::shares_a_corner(a, b) {
         return touching::block(a, b, accuracy);
     }
-    near::block(a, on_a, b, on_b, accuracy)
+    near::block(a, first, b, second, accuracy)
 }

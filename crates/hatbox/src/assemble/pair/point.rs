@@ -21,7 +21,7 @@ pub fn point_row(panel: &Panel, x: DVec3, n: DVec3) -> Option<[f64; MAX_DOFS]> {
     if panel.normal().dot(x - panel.patch.corners()[0]) <= 0.0 {
         return None;
     }
-    let region = Region::in_front(panel, x, n)?;
+    let region = Region::in_front(&panel.patch, x, n)?;
     if panel.radius < FAR * panel.center.distance(x) {
         return Some(sum(&Nodes::on(panel, &region, FAR_RUNG), panel, x, n));
     }

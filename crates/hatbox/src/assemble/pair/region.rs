@@ -1,7 +1,27 @@
 //! The part of a panel that another can see: clipping at the horizon.
 
-use crate::assemble::Panel;
+use crate::mesh::Patch;
 use glam::DVec3;
+
+/// Two patches that see each other but for what stands between: each cut at the other's horizon.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Facing {
+    pub(crate) first: Region,
+    pub(crate) second: Region,
+}
+
+impl Facing {
+    /// `None` if the patches face away from each other or lie in one plane.
+    pub fn new(first: &Patch, second: &Patch) -> Option<Self> {
+        let size = first.longest_edge() + second.longest_edge();
+        Some(Self { first: Region::visible(first, second, size)?, second: Region::visible(second, first, size)? })
+    }
+
+    /// The two polygons.
+    pub fn polygons(&self) -> [&[DVec3]; 2] {
+        [self.first.corners(), self.second.corners()]
+    }
+}
 
 /// A planar convex polygon: a panel, or what is left of it in front of another panel's plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,18 +39,18 @@ const MAX_CORNERS: usize = 6;
 const FLAT: f64 = 1e-6;
 
 impl Region {
-    /// The part of `panel` in front of the plane of `other`, `None` if there is none.
-    pub(crate) fn visible(panel: &Panel, other: &Panel) -> Option<Self> {
-        Self::above(panel, other.patch.corners()[0], other.normal(), FLAT * (panel.radius + other.radius))
+    /// The part of `patch` in front of the plane of `other`, `None` if there is none. `size` is that of the pair.
+    fn visible(patch: &Patch, other: &Patch, size: f64) -> Option<Self> {
+        Self::above(patch, other.corners()[0], other.normal(), FLAT * size)
     }
 
-    /// The part of `panel` above the horizon of a point with a normal, `None` if there is none.
-    pub(crate) fn in_front(panel: &Panel, x: DVec3, n: DVec3) -> Option<Self> {
-        Self::above(panel, x, n, FLAT * panel.radius)
+    /// The part of `patch` above the horizon of a point with a normal, `None` if there is none.
+    pub(crate) fn in_front(patch: &Patch, x: DVec3, n: DVec3) -> Option<Self> {
+        Self::above(patch, x, n, FLAT * patch.longest_edge())
     }
 
-    fn above(panel: &Panel, origin: DVec3, normal: DVec3, flat: f64) -> Option<Self> {
-        let corners = panel.patch.corners();
+    fn above(patch: &Patch, origin: DVec3, normal: DVec3, flat: f64) -> Option<Self> {
+        let corners = patch.corners();
         let mut heights = [0.0; 4];
         for (height, &corner) in heights.iter_mut().zip(corners) {
             *height = normal.dot(corner - origin);

@@ -5,7 +5,7 @@
 //! find is only how the shadow lies. Plain sampling of the block, without S⁰, was four times as noisy; one number V̄ per
 //! pair puts the shadow's light in the wrong corner.
 
-use super::{Accuracy, Block, Region};
+use super::{Accuracy, Block, Facing};
 use crate::assemble::Panel;
 use crate::element::MAX_DOFS;
 use crate::kernel::geometric;
@@ -17,114 +17,108 @@ const SETS: usize = 4;
 /// Rays of each set in the first round; each further round doubles them.
 const FIRST: u32 = 4;
 
-/// The visible part of an unoccluded block.
-#[allow(clippy::too_many_arguments)] // two panels with their regions, and what is asked of them
-pub(super) fn visible_part(
-    a: &Panel,
-    on_a: &Region,
-    b: &Panel,
-    on_b: &Region,
-    unoccluded: &Block,
-    hides: &dyn Fn(DVec3, DVec3) -> bool,
-    weights: [f64; 2],
-    accuracy: &Accuracy,
-) -> Block {
-    let total = unoccluded.sum();
-    if total <= 0.0 {
-        return *unoccluded;
-    }
-    let allowed = allowed_error(total, a, b, weights, accuracy);
-    let seed = hash(accuracy.seed, (u64::from(a.vertices[0]) << 32) ^ u64::from(b.vertices[1]));
-    let seed = hash(seed, (u64::from(a.vertices[2]) << 32) ^ u64::from(b.vertices[0]));
-    let mut sets = [(); SETS].map(|()| Set::new(a, b));
-    let mut done = 0;
-    let mut target = FIRST;
-    loop {
-        for (k, set) in sets.iter_mut().enumerate() {
-            for index in done..target {
-                let p = point(hash(seed, k as u64), index);
-                set.add(on_a.sample(p[0], p[1]), on_b.sample(p[2], p[3]), a, b, hides);
+/// Two panels whose sight is to be sampled, and how accurately.
+pub(super) struct Sampling<'a> {
+    pub(super) a: &'a Panel,
+    pub(super) b: &'a Panel,
+    pub(super) facing: &'a Facing,
+    pub(super) weights: [f64; 2],
+    pub(super) accuracy: &'a Accuracy,
+}
+
+impl Sampling<'_> {
+    /// The visible part of an unoccluded block.
+    pub(super) fn visible_part(&self, unoccluded: &Block, hides: &dyn Fn(DVec3, DVec3) -> bool) -> Block {
+        let total = unoccluded.sum();
+        if total <= 0.0 {
+            return *unoccluded;
+        }
+        let allowed = self.allowed_error(total);
+        let seed = self.seed();
+        let mut sums = Sums::new(self.a, self.b);
+        let (mut done, mut target) = (0, FIRST);
+        loop {
+            for set in 0..SETS {
+                for index in done..target {
+                    let [s, t, u, v] = point(hash(seed, set as u64), index);
+                    let (x, y) = (self.facing.first.sample(s, t), self.facing.second.sample(u, v));
+                    sums.add(set, x, y, self, hides);
+                }
             }
+            let error = total * sums.standard_error();
+            if error <= allowed || sums.samples >= self.accuracy.max_rays {
+                return Block { visibility_error: error, rays: sums.samples, ..sums.combine(unoccluded) };
+            }
+            (done, target) = (target, 2 * target);
         }
-        done = target;
-        let error = total * standard_error(&sets);
-        let rays = done * SETS as u32;
-        if error <= allowed || rays >= accuracy.max_rays {
-            let mut block = combine(unoccluded, &sets);
-            block.visibility_error = error;
-            block.rays = rays;
-            return block;
-        }
-        target = done * 2;
+    }
+
+    /// Errors of a row's pairs are independent and add in squares: with err² ≤ τ² A s for each, a row's error is at most
+    /// τ A √(Σs/A) ≤ τ A. A pair that carries strong light has its share of the square reduced accordingly.
+    fn allowed_error(&self, total: f64) -> f64 {
+        let area = (self.a.area() / self.weights[0]).min(self.b.area() / self.weights[1]);
+        self.accuracy.tolerance * (total * area).sqrt()
+    }
+
+    /// A number of its own for each pair.
+    fn seed(&self) -> u64 {
+        let [p, q] = [self.a, self.b].map(|panel| panel.vertices.iter().fold(0, |h, &v| hash(h, u64::from(v))));
+        hash(hash(self.accuracy.seed, p), q)
     }
 }
 
-/// Errors of a row's pairs are independent and add in squares: with err² ≤ τ² A s for each, a row's error is at most
-/// τ A √(Σs/A) ≤ τ A. A pair that carries strong light has its share of the square reduced accordingly.
-fn allowed_error(total: f64, a: &Panel, b: &Panel, weights: [f64; 2], accuracy: &Accuracy) -> f64 {
-    let area = (a.area() / weights[0]).min(b.area() / weights[1]);
-    accuracy.tolerance * (total * area).sqrt()
-}
-
-/// Sums over one set of samples.
-struct Set {
-    /// Σ G and Σ V G.
-    kernel: [f64; 2],
+/// Sums over the samples.
+struct Sums {
+    /// Σ G and Σ V G of each set.
+    kernel: [[f64; 2]; SETS],
     /// Σ G N Nᵀ and Σ V G N Nᵀ.
     blocks: [Block; 2],
     visible: u32,
     samples: u32,
 }
 
-impl Set {
+impl Sums {
     fn new(a: &Panel, b: &Panel) -> Self {
-        Self { kernel: [0.0; 2], blocks: [Block::zeros(a, b); 2], visible: 0, samples: 0 }
+        Self { kernel: [[0.0; 2]; SETS], blocks: [Block::zeros(a, b); 2], visible: 0, samples: 0 }
     }
 
-    fn add(&mut self, x: DVec3, y: DVec3, a: &Panel, b: &Panel, hides: &dyn Fn(DVec3, DVec3) -> bool) {
-        let g = geometric(x, a.normal(), y, b.normal());
-        self.samples += 1;
+    fn add(&mut self, set: usize, x: DVec3, y: DVec3, pair: &Sampling<'_>, hides: &dyn Fn(DVec3, DVec3) -> bool) {
+        let g = geometric(x, pair.a.normal(), y, pair.b.normal());
         let visible = !hides(x, y);
+        self.samples += 1;
         self.visible += u32::from(visible);
-        self.kernel[0] += g;
-        let functions = a.values(x);
-        let row: [f64; MAX_DOFS] = b.values(y).map(|n| g * n);
+        self.kernel[set][0] += g;
+        let functions = pair.a.values(x);
+        let row: [f64; MAX_DOFS] = pair.b.values(y).map(|n| g * n);
         self.blocks[0].add(1.0, &functions, &row);
         if visible {
-            self.kernel[1] += g;
+            self.kernel[set][1] += g;
             self.blocks[1].add(1.0, &functions, &row);
         }
     }
 
-    fn visibility(&self) -> f64 {
-        if self.kernel[0] > 0.0 { self.kernel[1] / self.kernel[0] } else { 0.0 }
+    /// The standard error of V̄: from the spread of the sets, but never less than what one undiscovered sample would mean
+    /// (when all rays agree, that is the only thing known).
+    fn standard_error(&self) -> f64 {
+        let n = SETS as f64;
+        let visibility = |[all, seen]: [f64; 2]| if all > 0.0 { seen / all } else { 0.0 };
+        let mean = self.kernel.iter().map(|&k| visibility(k)).sum::<f64>() / n;
+        let variance = self.kernel.iter().map(|&k| (visibility(k) - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        (variance / n).sqrt().max(1.0 / (f64::from(self.samples) + 2.0))
     }
-}
 
-/// The standard error of V̄: from the spread of the sets, but never less than what one undiscovered sample would mean
-/// (when all rays agree, that is the only thing known).
-fn standard_error(sets: &[Set; SETS]) -> f64 {
-    let n = SETS as f64;
-    let mean = sets.iter().map(Set::visibility).sum::<f64>() / n;
-    let variance = sets.iter().map(|s| (s.visibility() - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    let samples: u32 = sets.iter().map(|s| s.samples).sum();
-    (variance / n).sqrt().max(1.0 / (f64::from(samples) + 2.0))
-}
-
-fn combine(unoccluded: &Block, sets: &[Set; SETS]) -> Block {
-    let samples: u32 = sets.iter().map(|s| s.samples).sum();
-    let visible: u32 = sets.iter().map(|s| s.visible).sum();
-    let mut block = *unoccluded;
-    if visible == samples {
-        return block;
+    /// V̄ S⁰ + (s⁰/ΣG) Σ(V − V̄) G N Nᵀ.
+    fn combine(&self, unoccluded: &Block) -> Block {
+        let mut block = *unoccluded;
+        if self.visible == self.samples {
+            return block;
+        }
+        let [all, seen] = [0, 1].map(|k| self.kernel.iter().map(|sums| sums[k]).sum::<f64>());
+        let (mean, scale) = if all > 0.0 { (seen / all, unoccluded.sum() / all) } else { (0.0, 0.0) };
+        let [every, clear] = &self.blocks;
+        for (k, value) in block.values[..unoccluded.len].iter_mut().enumerate() {
+            *value = mean * *value + scale * (clear.values[k] - mean * every.values[k]);
+        }
+        block
     }
-    let sum = |k: usize| sets.iter().map(|s| s.kernel[k]).sum::<f64>();
-    let (all, seen) = (sum(0), sum(1));
-    let mean = if all > 0.0 { seen / all } else { 0.0 };
-    let scale = if all > 0.0 { unoccluded.sum() / all } else { 0.0 };
-    for (i, value) in block.values[..unoccluded.len].iter_mut().enumerate() {
-        let entry = |k: usize| sets.iter().map(|s| s.blocks[k].values[i]).sum::<f64>();
-        *value = mean * *value + scale * (entry(1) - mean * entry(0));
-    }
-    block
 }
