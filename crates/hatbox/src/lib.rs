@@ -147,6 +147,7 @@
 //! - [`radiosity`]: the equation put together and solved.
 //! - [`bake`], [`render`], [`io`]: what a solution becomes.
 
+#![warn(unsafe_code, clippy::print_stdout, clippy::print_stderr, clippy::exit)]
 #![cfg_attr(test, allow(clippy::float_cmp, reason = "tests say `==` where they mean exactly equal"))]
 
 pub mod assemble;
