@@ -55,7 +55,7 @@ pub fn render(solution: &Solution, options: &RenderOptions, progress: &dyn Progr
     let aspect = width as f64 / height.max(1) as f64;
     let camera = options.camera.or(solution.scene.camera);
     let camera = camera.unwrap_or_else(|| fitting_camera(&solution.scene.mesh, DVec3::Y, aspect));
-    let view = View { solution, shown, frame: Frame::new(&camera), cells: tree(&solution.scene.mesh) };
+    let view = View { solution, shown, frame: Frame::new(&camera), cells: cells(&solution.scene.mesh) };
     progress.begin("render", height as u64);
     let mut pixels = vec![[0.0; 4]; width * height];
     let rows = pixels.par_chunks_mut(width.max(1)).enumerate();
@@ -166,8 +166,8 @@ fn value(solution: &Solution, shown: Shown, cell: usize, at: [f64; 2], band: usi
     material.exitance.at(&site, band) + material.reflectance.at(&site, band) * irradiance
 }
 
-/// The cells as triangles to hit; the ids are the cells'.
-fn tree(mesh: &Mesh) -> Bvh {
+/// The cells as triangles to hit.
+fn cells(mesh: &Mesh) -> Bvh {
     let (mut triangles, mut ids) = (Vec::new(), Vec::new());
     for cell in 0..mesh.cells.len() {
         let patch = mesh.patch(cell);

@@ -178,7 +178,7 @@ fn from_face(face: &Patch, x: DVec3, n: DVec3) -> f64 {
     let m = moments.values;
     let polynomial = b(0.0, 0.0) * m[0] + slope.dot(DVec2::new(m[1], m[2])) + curve[0] * m[3] + curve[1] * m[4] + curve[2] * m[5];
     let mut rest = 0.0;
-    let gauss = gauss_legendre(12);
+    let gauss = gauss_legendre(8);
     for (&(s, ws), &(t, wt)) in gauss.iter().flat_map(|s| gauss.iter().map(move |t| (s, t))) {
         let y = face.point([s, t]);
         let rho = plane.project(y) - moments.foot;
@@ -188,14 +188,15 @@ fn from_face(face: &Patch, x: DVec3, n: DVec3) -> f64 {
     polynomial + rest
 }
 
-fn manufactured(basis: &'static Basis, max_edge: f64, tolerance: f64) -> f64 {
+fn manufactured(basis: &'static Basis, continuity: &str, max_edge: f64) -> f64 {
     const RHO: f64 = 0.5;
     let b0 = |site: &Site, _| chosen(site.position) - RHO * chosen_irradiance(site.position);
     let material = Material { exitance: Quantity::function(b0), ..Material::diffuse("all", RHO) };
     let options = Options {
         basis,
+        continuity: Continuity::named(continuity).expect("a name"),
         refinement: Refinement::MaxEdge(max_edge),
-        tolerance,
+        tolerance: 10f64.powi(-2 - basis.order as i32),
         error_points: 0,
         ..Options::default()
     };
@@ -220,13 +221,17 @@ fn l2_error(solution: &Solution) -> f64 {
 
 #[test]
 fn the_l2_error_falls_at_the_order_of_the_basis() {
-    for basis in &ALL {
+    // In the joined spaces too; joined quadratics, whose constant still grows from the walls' edges (where every node is
+    // its own) to the interior, reach their order on meshes too large for a test.
+    let cases = ALL.iter().map(|basis| (basis, "broken")).chain([(&ALL[1], "continuous"), (&ALL[2], "continuous")]);
+    for (basis, continuity) in cases {
         let longest = if basis.quad.is_some() { 1.0 } else { SQRT_2 };
-        let coarse = 4.0;
-        let error = |n: f64| manufactured(basis, 1.001 * longest / n, 1e-5);
+        let coarse = if basis.order == 1 { 4.0 } else { 2.0 };
+        let error = |n: f64| manufactured(basis, continuity, 1.001 * longest / n);
         let errors = [error(coarse), error(2.0 * coarse)];
         let order = (errors[0] / errors[1]).log2();
-        assert!((order - basis.order as f64).abs() < 0.15, "{}: order {order}, errors {errors:?}", basis.name);
+        let name = format!("{continuity} {}", basis.name);
+        assert!((order - basis.order as f64).abs() < 0.15, "{name}: order {order}, errors {errors:?}");
     }
 }
 

@@ -1,111 +1,261 @@
 //! Integrals over one panel at a time.
+//!
+//! Data that are the same all over a cell are integrated exactly. Data that vary (textures, given functions) may have
+//! edges of their own, so their cells are cut into quarters until two rules agree.
 
-use crate::element::MAX_DOFS;
-use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
-use crate::quadrature::{Rule, rule};
-use crate::scene::{Quantity, Scene};
+use crate::element::{MAX_DOFS, Shape};
+use crate::linalg::{BlockDiagonal, MultiVector};
+use crate::mesh::Patch;
+use crate::quadrature::rule;
+use crate::scene::{Quantity, Scene, Site};
 use crate::space::FunctionSpace;
+use rayon::prelude::*;
 
-/// Degree of the rules for data that vary over an element (textures, given functions).
-const DATA_DEGREE: usize = 14;
+/// Degrees of the rule for data that vary over an element, and of the one that checks it.
+const VARYING_DEGREES: [usize; 2] = [8, 5];
+/// Relative error up to which integrals of such data are refined.
+const VARYING_TOLERANCE: f64 = 1e-6;
+/// Rounds of quartering at the most: 64 parts, 1024 points of the data.
+const MAX_DEPTH: i32 = 3;
+
+/// The most numbers that one integral has.
+const MAX_SIZE: usize = MAX_DOFS * MAX_DOFS;
+type Values = [f64; MAX_SIZE];
 
 /// Δ_ij = ∫ N_i N_j, in m²: one block per cell.
 pub fn mass(scene: &Scene, space: &FunctionSpace) -> BlockDiagonal {
-    weighted_blocks(scene, space, 1, |_, _| true, |_, _, _| 1.0)
+    weighted_blocks(scene, space, 1, |_, _| Weight::Uniform(1.0))
 }
 
 /// (M_R)_ij = ∫ R N_i N_j, in m², for each band.
 pub fn weighted_mass(scene: &Scene, space: &FunctionSpace) -> BlockDiagonal {
-    let uniform = |cell: usize, band: usize| scene.material(cell).reflectance.uniform(band).is_some();
-    let value = |cell: usize, at: [f64; 2], band: usize| {
-        let r = &scene.material(cell).reflectance;
-        r.uniform(band).unwrap_or_else(|| r.at(&scene.site(cell, at), band))
-    };
-    weighted_blocks(scene, space, scene.bands, uniform, value)
+    weighted_blocks(scene, space, scene.bands, |cell, band| Weight::of(&scene.material(cell).reflectance, band))
 }
 
 /// (M_ε)_ij = ∫ ε N_i N_j for a function ε of the broken space, given by its coefficients.
 pub fn function_weighted_mass(scene: &Scene, space: &FunctionSpace, epsilon: &[f64]) -> BlockDiagonal {
-    let value = |cell: usize, at: [f64; 2], _| {
-        let functions = space.element(cell).values(at);
-        epsilon[space.range(cell)].iter().zip(functions).map(|(e, n)| e * n).sum()
-    };
-    weighted_blocks(scene, space, 1, |_, _| true, value)
+    weighted_blocks(scene, space, 1, |cell, _| Weight::Expansion(&epsilon[space.range(cell)]))
 }
 
 /// b⁰_i = ∫ B⁰ N_i, in lm or W, for each band.
 pub fn load(scene: &Scene, space: &FunctionSpace) -> MultiVector {
-    functional(scene, space, |cell| &scene.material(cell).exitance)
-}
-
-/// The L2 projection of a quantity of the materials onto the broken space: Δ⁻¹ ∫ q N_i.
-///
-/// `None` if a cell has no area.
-pub fn project(scene: &Scene, space: &FunctionSpace, of: impl Fn(usize) -> Quantity) -> Option<MultiVector> {
-    let quantities: Vec<Quantity> = (0..space.cells()).map(of).collect();
-    let right_side = functional(scene, space, |cell| &quantities[cell]);
-    Some(mass(scene, space).inverse()?.times(&right_side))
-}
-
-/// ∫ q N_i for each band.
-fn functional<'a>(scene: &Scene, space: &FunctionSpace, of: impl Fn(usize) -> &'a Quantity) -> MultiVector {
-    let mut result = MultiVector::zeros(space.broken_dofs(), scene.bands);
-    for cell in 0..space.cells() {
-        let quantity = of(cell);
-        if quantity.is_zero() {
-            continue;
-        }
+    let entry = |cell: usize, band: usize| {
+        let exitance = &scene.material(cell).exitance;
         let element = space.element(cell);
-        for band in 0..scene.bands {
-            let uniform = quantity.uniform(band);
-            let degree = if uniform.is_some() { element.degree + 2 } else { DATA_DEGREE };
-            let mut sums = [0.0; MAX_DOFS];
-            for_each_node(scene, cell, rule(element.shape, degree), |at, weight| {
-                let q = uniform.unwrap_or_else(|| quantity.at(&scene.site(cell, at), band));
-                for (sum, n) in sums.iter_mut().zip(element.values(at)) {
-                    *sum += weight * q * n;
-                }
-            });
-            for (i, sum) in space.range(cell).zip(sums) {
-                result.band_mut(band)[i] = sum;
+        let form = |w: f64, functions: &[f64; MAX_DOFS], out: &mut Values| {
+            for (out, n) in out.iter_mut().zip(functions) {
+                *out += w * n;
             }
+        };
+        Integral { scene, space, cell, band, degree: element.degree }.of(&Weight::of(exitance, band), form)
+    };
+    let mut result = MultiVector::zeros(space.broken_dofs(), scene.bands);
+    for band in 0..scene.bands {
+        let rows: Vec<Values> = (0..space.cells()).into_par_iter().map(|cell| entry(cell, band)).collect();
+        for (cell, values) in rows.iter().enumerate() {
+            let range = space.range(cell);
+            result.band_mut(band)[range.clone()].copy_from_slice(&values[..range.len()]);
         }
     }
     result
 }
 
 /// ∫ w N_i N_j for each cell and band.
-fn weighted_blocks(
+fn weighted_blocks<'a>(
     scene: &Scene,
     space: &FunctionSpace,
     bands: usize,
-    uniform: impl Fn(usize, usize) -> bool,
-    w: impl Fn(usize, [f64; 2], usize) -> f64,
+    weight: impl Fn(usize, usize) -> Weight<'a> + Sync,
 ) -> BlockDiagonal {
-    let mut blocks = BlockDiagonal::zeros(space.offsets(), bands);
-    for cell in 0..space.cells() {
+    let block = |cell: usize, band: usize| {
         let element = space.element(cell);
         let n = element.dofs();
-        for band in 0..bands {
-            // A bilinear map adds up to two degrees through its Jacobian.
-            let degree = if uniform(cell, band) { 2 * element.degree + 4 } else { DATA_DEGREE };
-            let block = blocks.block_mut(band, cell);
-            for_each_node(scene, cell, rule(element.shape, degree), |at, weight| {
-                let values = element.values(at);
-                let weight = weight * w(cell, at, band);
-                for (k, entry) in block.iter_mut().enumerate() {
-                    *entry += weight * values[k / n] * values[k % n];
-                }
-            });
+        let form = |w: f64, functions: &[f64; MAX_DOFS], out: &mut Values| {
+            for (k, out) in out[..n * n].iter_mut().enumerate() {
+                *out += w * functions[k / n] * functions[k % n];
+            }
+        };
+        Integral { scene, space, cell, band, degree: 2 * element.degree }.of(&weight(cell, band), form)
+    };
+    let mut blocks = BlockDiagonal::zeros(space.offsets(), bands);
+    for band in 0..bands {
+        let all: Vec<Values> = (0..space.cells()).into_par_iter().map(|cell| block(cell, band)).collect();
+        for (cell, values) in all.iter().enumerate() {
+            let target = blocks.block_mut(band, cell);
+            target.copy_from_slice(&values[..target.len()]);
         }
     }
     blocks
 }
 
-/// Visits the nodes of a rule on a cell with their weights in m².
-fn for_each_node(scene: &Scene, cell: usize, rule: &Rule, mut visit: impl FnMut([f64; 2], f64)) {
-    let patch = scene.mesh.patch(cell);
-    for (&at, weight) in rule.points.iter().zip(&rule.weights) {
-        visit(at, weight * patch.shape().reference_area() * patch.jacobian(at));
+/// What is integrated against products of shape functions.
+enum Weight<'a> {
+    /// The same everywhere.
+    Uniform(f64),
+    /// Varies with the place.
+    Varying(&'a Quantity),
+    /// Σ ε_k N_k.
+    Expansion(&'a [f64]),
+}
+
+impl<'a> Weight<'a> {
+    fn of(quantity: &'a Quantity, band: usize) -> Self {
+        quantity.uniform(band).map_or(Self::Varying(quantity), Self::Uniform)
+    }
+}
+
+/// An integral over a cell.
+struct Integral<'a> {
+    scene: &'a Scene,
+    space: &'a FunctionSpace,
+    cell: usize,
+    band: usize,
+    /// Degree of the products of shape functions.
+    degree: usize,
+}
+
+impl Integral<'_> {
+    /// Σ_q form(w(x_q) dA_q, N(x_q)).
+    fn of(&self, weight: &Weight<'_>, form: impl Fn(f64, &[f64; MAX_DOFS], &mut Values)) -> Values {
+        let patch = self.scene.mesh.patch(self.cell);
+        let whole = Part::whole();
+        // A bilinear map adds up to two degrees through its Jacobian.
+        match weight {
+            Weight::Uniform(w) if *w == 0.0 => [0.0; MAX_SIZE],
+            Weight::Uniform(w) => self.rule(&patch, &whole, self.degree + 2, &form, |_, _| *w),
+            Weight::Expansion(epsilon) => {
+                let w = |_, functions: &[f64; MAX_DOFS]| epsilon.iter().zip(functions).map(|(e, n)| e * n).sum();
+                let degree = self.degree + self.space.element(self.cell).degree + 2;
+                self.rule(&patch, &whole, degree, &form, w)
+            }
+            Weight::Varying(quantity) => {
+                let w = |at: [f64; 2], _: &[f64; MAX_DOFS]| {
+                    let uv = self.scene.mesh.uv(self.cell, at);
+                    quantity.at(&Site { position: patch.point(at), uv }, self.band)
+                };
+                self.refined(&patch, &form, w)
+            }
+        }
+    }
+
+    /// Cuts into quarters until the two rules agree.
+    fn refined(
+        &self,
+        patch: &Patch,
+        form: &impl Fn(f64, &[f64; MAX_DOFS], &mut Values),
+        w: impl Fn([f64; 2], &[f64; MAX_DOFS]) -> f64,
+    ) -> Values {
+        let mut total = [0.0; MAX_SIZE];
+        let mut scale = None;
+        let mut parts = vec![(Part::whole(), 0_i32)];
+        while let Some((part, depth)) = parts.pop() {
+            let [fine, check] = VARYING_DEGREES.map(|degree| self.rule(patch, &part, degree, form, &w));
+            let error = largest(fine.iter().zip(&check).map(|(a, b)| a - b));
+            let scale = *scale.get_or_insert_with(|| largest(fine.iter().copied()));
+            if error <= VARYING_TOLERANCE * scale * 0.5f64.powi(depth) || depth == MAX_DEPTH {
+                total = std::array::from_fn(|k| total[k] + fine[k]);
+            } else {
+                parts.extend(part.quarters(patch.shape()).map(|quarter| (quarter, depth + 1)));
+            }
+        }
+        total
+    }
+
+    fn rule(
+        &self,
+        patch: &Patch,
+        part: &Part,
+        degree: usize,
+        form: &impl Fn(f64, &[f64; MAX_DOFS], &mut Values),
+        w: impl Fn([f64; 2], &[f64; MAX_DOFS]) -> f64,
+    ) -> Values {
+        let element = self.space.element(self.cell);
+        let rule = rule(element.shape, degree);
+        let mut values = [0.0; MAX_SIZE];
+        for (&at, weight) in rule.points.iter().zip(&rule.weights) {
+            let at = part.point(at);
+            let area = weight * part.scale() * patch.shape().reference_area() * patch.jacobian(at);
+            let functions = element.values(at);
+            form(area * w(at, &functions), &functions, &mut values);
+        }
+        values
+    }
+}
+
+fn largest(values: impl Iterator<Item = f64>) -> f64 {
+    values.map(f64::abs).fold(0.0, f64::max)
+}
+
+/// An affine copy of the reference cell inside it: ξ ↦ origin + u ξ + v η.
+#[derive(Clone, Copy)]
+struct Part {
+    origin: [f64; 2],
+    u: [f64; 2],
+    v: [f64; 2],
+}
+
+impl Part {
+    fn whole() -> Self {
+        Self { origin: [0.0; 2], u: [1.0, 0.0], v: [0.0, 1.0] }
+    }
+
+    fn point(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        std::array::from_fn(|k| self.origin[k] + self.u[k] * x + self.v[k] * y)
+    }
+
+    /// Its area relative to the reference cell's.
+    fn scale(&self) -> f64 {
+        (self.u[0] * self.v[1] - self.u[1] * self.v[0]).abs()
+    }
+
+    fn quarters(&self, shape: Shape) -> [Self; 4] {
+        let half = |a: [f64; 2], sign: f64| a.map(|x| 0.5 * sign * x);
+        let at = |x, y, sign| Self { origin: self.point([x, y]), u: half(self.u, sign), v: half(self.v, sign) };
+        let last = match shape {
+            // The middle triangle is upside down.
+            Shape::Triangle => at(0.5, 0.5, -1.0),
+            Shape::Quad => at(0.5, 0.5, 1.0),
+        };
+        [at(0.0, 0.0, 1.0), at(0.5, 0.0, 1.0), at(0.0, 0.5, 1.0), last]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::element::ALL;
+    use crate::mesh::{Cell, Mesh};
+    use crate::scene::{Material, Physics};
+    use glam::DVec3;
+
+    fn scene(shape: Shape, exitance: Quantity) -> Scene {
+        let vertices = [(0.0, 0.0), (2.0, 0.0), (1.5, 1.0), (0.0, 1.0)].map(|(x, y)| DVec3::new(x, y, 0.0)).to_vec();
+        let last = if shape == Shape::Quad { 3 } else { 2 };
+        let cell = Cell { shape, vertices: [0, 1, 2, last], material: 0, group: 0, surface: 0 };
+        let mesh = Mesh { vertices, cells: vec![cell], groups: vec!["one".to_owned()], ..Mesh::default() };
+        let material = Material { exitance, ..Material::diffuse("one", 0.5) };
+        Scene::new(mesh, vec![material], Physics::Light, None).expect("valid")
+    }
+
+    #[test]
+    fn masses_sum_to_the_area_in_every_element() {
+        for basis in &ALL {
+            for shape in Shape::ALL.into_iter().filter(|&shape| basis.element(shape).is_some()) {
+                let scene = scene(shape, Quantity::gray(0.0));
+                let space = FunctionSpace::broken(&scene.mesh, basis).expect("an element");
+                let sum: f64 = mass(&scene, &space).block(0, 0).iter().sum();
+                assert!((sum - scene.mesh.area()).abs() < 1e-14, "{} {shape:?}", basis.name);
+            }
+        }
+    }
+
+    #[test]
+    fn a_load_with_a_kink_is_refined_to_its_tolerance() {
+        // ∫|x − 1| over the trapezium (0,0) (2,0) (1.5,1) (0,1): left of x = 1 ½; right of it ∫₀¹ ½(1 − y/2)² dy = 7/24.
+        let scene = scene(Shape::Quad, Quantity::function(|site, _| (site.position.x - 1.0).abs()));
+        let space = FunctionSpace::broken(&scene.mesh, &ALL[2]).expect("an element");
+        let sum: f64 = load(&scene, &space).band(0).iter().sum();
+        let exact = 0.5 + 7.0 / 24.0;
+        assert!((sum - exact).abs() < 1e-4 * exact, "{sum} {exact}");
     }
 }

@@ -4,6 +4,6 @@ mod forms;
 mod pair;
 mod panel;
 
-pub use forms::{function_weighted_mass, load, mass, project, weighted_mass};
+pub use forms::{function_weighted_mass, load, mass, weighted_mass};
 pub use pair::{Accuracy, Block, Sight, facing_parts, pair_block, point_row};
 pub use panel::Panel;

@@ -197,8 +197,8 @@ fn fields(line: &str) -> Vec<&str> {
     fields.filter(|field| separator.is_some() || !field.is_empty()).collect()
 }
 
-/// Writes points with the values found there: the six columns of each point, then `E_0 …` and `B_0 …`, to a `.npy`
-/// array or, with any other extension, a table with a header. The functions have one row per point.
+/// Writes points with the values found there (see [`write_points`]) to a `.npy` array or, with any other extension, a
+/// table. The functions have one row per point.
 ///
 /// # Errors
 /// [`AtomicError`] if the file cannot be written; there is none then.
@@ -208,22 +208,42 @@ pub fn save_points(
     radiosity: &MultiVector,
     path: &Path,
 ) -> Result<(), AtomicError> {
-    let row = |i: usize| {
-        let Point { position, normal } = points[i];
-        let point = position.to_array().into_iter().chain(normal.to_array());
-        point.chain(values(irradiance, radiosity, i))
-    };
-    let columns = 6 + irradiance.bands() + radiosity.bands();
     atomic::write(path, |file| {
-        if is_npy(path) {
-            return file.write_all(&npy::encode(&[points.len(), columns], (0..points.len()).flat_map(row)));
+        if !is_npy(path) {
+            return write_points(points, irradiance, radiosity, file);
         }
-        writeln!(file, "{}{}", COLUMNS.join(","), band_names(radiosity.bands()))?;
-        (0..points.len()).try_for_each(|i| {
-            numbers(file, row(i), "")?;
-            writeln!(file)
-        })
+        let columns = 6 + irradiance.bands() + radiosity.bands();
+        let rows = points.iter().enumerate().flat_map(|(i, point)| with_values(point, irradiance, radiosity, i));
+        npy::write(file, &[points.len(), columns], rows)
     })
+}
+
+/// Writes a table with a header: the six columns of each point, then `E_0 …` and `B_0 …`.
+///
+/// # Errors
+/// What the writer says.
+pub fn write_points(
+    points: &[Point],
+    irradiance: &MultiVector,
+    radiosity: &MultiVector,
+    writer: &mut impl Write,
+) -> io::Result<()> {
+    writeln!(writer, "{}{}", COLUMNS.join(","), band_names(radiosity.bands()))?;
+    points.iter().enumerate().try_for_each(|(i, point)| {
+        numbers(writer, with_values(point, irradiance, radiosity, i), "")?;
+        writeln!(writer)
+    })
+}
+
+/// A point and, of the functions' row i, E and B.
+fn with_values<'a>(
+    point: &Point,
+    irradiance: &'a MultiVector,
+    radiosity: &'a MultiVector,
+    i: usize,
+) -> impl Iterator<Item = f64> + 'a {
+    let point = point.position.to_array().into_iter().chain(point.normal.to_array());
+    point.chain(values(irradiance, radiosity, i))
 }
 
 fn is_npy(path: &Path) -> bool {
@@ -251,49 +271,10 @@ fn numbers(file: &mut impl Write, values: impl Iterator<Item = f64>, before: &st
 }
 
 /// A field of text, in quotes if it must be.
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r', ';']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
         text.to_owned()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn points_are_read_with_or_without_a_header_between_commas_semicolons_or_blanks() {
-        let good = [
-            "0,1,2,0,0,1",
-            "0 1 2 0 0 1",
-            "0;1;2;0;0;1\r\n",
-            " 0, 1,\t2 ,0, 0, 1 ",
-            "\u{feff}x,y,z,nx,ny,nz\n0,1,2,0,0,1",
-            "# a comment\n\nX Y Z NX NY NZ\n0 1 2 0 0 1\n\n",
-            "nz;ny;nx;name;z;y;x\n1;0;0;desk;2;1;0",
-            "name,x,y,z,nx,ny,nz\n\"desk, left\",0,1,2,0,0,1",
-            "\"x\",\"y\",\"z\",\"nx\",\"ny\",\"nz\"\n0e0,1.0,+2,-0,0,1",
-        ];
-        for text in good {
-            let points = parse_points(text).expect(text);
-            assert_eq!(points.len(), 1, "{text}");
-            assert_eq!((points[0].position, points[0].normal), (DVec3::new(0.0, 1.0, 2.0), DVec3::Z), "{text}");
-        }
-        assert_eq!(parse_points(""), Ok(vec![]));
-        let bad = [
-            ("0,1,2", "line 1: 3 columns where 6 are expected"),
-            ("0,1,2,0,0,1,5", "line 1: 7 columns"),
-            ("0,1,2,0,0,1\n\n0,1,two,0,0,1", "line 3: `two` is no number (column `z`)"),
-            ("0,1,2,0,0,0", "line 1: the normal (nx, ny, nz) is zero"),
-            ("0,nan,2,0,0,1", "line 1: column `y` is not finite"),
-            ("# points\nx y z\n1 2 3", "line 2: this is neither a row of numbers nor a header"),
-            ("x,y,z,nx,ny,nz\n0,1,2,0,0", "line 2: column `nz` is missing"),
-        ];
-        for (text, expected) in bad {
-            let error = parse_points(text).expect_err(text).to_string();
-            assert!(error.starts_with(expected), "{text}: {error}");
-        }
     }
 }

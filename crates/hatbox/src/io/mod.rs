@@ -2,6 +2,7 @@
 
 pub mod atomic;
 pub mod csv;
+pub mod factors;
 pub mod npy;
 pub mod npz;
 pub mod picture;

@@ -5,6 +5,10 @@
 //! before it allocates anything.
 
 use std::fmt::Write as _;
+use std::io::{self, Write};
+
+/// Values are written in portions of this many bytes.
+const CHUNK: usize = 1 << 16;
 
 /// A number type of arrays in files.
 pub trait Scalar: Copy {
@@ -25,7 +29,7 @@ macro_rules! scalar {
     )*};
 }
 
-scalar!(f64 => "<f8", f32 => "<f4", u64 => "<u8", i32 => "<i4", u32 => "<u4", u8 => "|u1");
+scalar!(f64 => "<f8", f32 => "<f4", u64 => "<u8", i32 => "<i4", i64 => "<i8", u32 => "<u4", u8 => "|u1");
 
 impl Scalar for bool {
     const DESCR: &'static str = "|b1";
@@ -40,6 +44,34 @@ pub fn encode<T: Scalar>(shape: &[usize], values: impl IntoIterator<Item = T>) -
     for value in values {
         value.put(&mut bytes);
     }
+    bytes
+}
+
+/// Writes a `.npy` file, without holding it in memory; there must be as many values as the shape says.
+///
+/// # Errors
+/// What the writer says.
+pub fn write<T: Scalar>(
+    writer: &mut impl Write,
+    shape: &[usize],
+    values: impl IntoIterator<Item = T>,
+) -> io::Result<()> {
+    writer.write_all(&header(T::DESCR, shape))?;
+    let mut bytes = Vec::with_capacity(CHUNK + size_of::<T>());
+    for value in values {
+        value.put(&mut bytes);
+        if bytes.len() >= CHUNK {
+            writer.write_all(&bytes)?;
+            bytes.clear();
+        }
+    }
+    writer.write_all(&bytes)
+}
+
+/// The bytes of a `.npy` file of one byte string (ASCII), which is no array.
+pub fn encode_bytes(text: &str) -> Vec<u8> {
+    let mut bytes = header(&format!("|S{}", text.len()), &[]);
+    bytes.extend_from_slice(text.as_bytes());
     bytes
 }
 

@@ -18,8 +18,13 @@ use std::path::{Path, PathBuf};
 #[non_exhaustive]
 pub enum WriteError {
     /// The extension says no format that is written.
-    #[error("cannot tell from the name what to write to `{}`: known extensions are {}", .0.display(), extensions())]
-    UnknownExtension(PathBuf),
+    #[error("cannot tell from the name what to write to `{}`: use one of {}", path.display(), in_words(known))]
+    UnknownExtension {
+        /// The file.
+        path: PathBuf,
+        /// The extensions that are known, without the dot.
+        known: Vec<&'static str>,
+    },
     /// The file cannot be written.
     #[error(transparent)]
     File(#[from] AtomicError),
@@ -108,9 +113,9 @@ pub static OUTPUTS: [Output; 6] = [
     Output { extension: "exr", summary: "a rendered view in physical units", write: write_exr },
 ];
 
-/// The extensions, as a list in words.
-fn extensions() -> String {
-    OUTPUTS.iter().map(|output| format!(".{}", output.extension)).collect::<Vec<_>>().join(", ")
+/// Extensions as a list in words.
+fn in_words(extensions: &[&str]) -> String {
+    extensions.iter().map(|extension| format!(".{extension}")).collect::<Vec<_>>().join(", ")
 }
 
 /// The format that a path's extension chooses, after making sure that the file could be written: to be asked *before*
@@ -137,7 +142,8 @@ pub fn write(solution: &Solution, path: &Path, options: &WriteOptions) -> Result
 fn output_for(path: &Path) -> Result<&'static Output, WriteError> {
     let extension = path.extension().unwrap_or_default();
     let output = OUTPUTS.iter().find(|output| extension.eq_ignore_ascii_case(output.extension));
-    output.ok_or_else(|| WriteError::UnknownExtension(path.to_owned()))
+    let known = || OUTPUTS.iter().map(|output| output.extension).collect();
+    output.ok_or_else(|| WriteError::UnknownExtension { path: path.to_owned(), known: known() })
 }
 
 fn check_finite(solution: &Solution) -> Result<(), WriteError> {

@@ -1,0 +1,91 @@
+//! What each command does: options, work, files, summary.
+
+pub(crate) mod check;
+pub(crate) mod factors;
+mod probe;
+mod render;
+pub(crate) mod solve;
+
+use crate::args::{Cli, Command};
+use crate::failure::Failure;
+use crate::output;
+use clap::CommandFactory;
+use clap::error::ErrorKind;
+use serde::Serialize;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Carries out a command.
+pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
+    match &cli.command {
+        Command::Solve(args) => solve::run(args, Talk::new(cli.quiet, args.run.json))?,
+        Command::Factors(args) => factors::run(args, Talk::new(cli.quiet, args.run.json))?,
+        Command::Probe(args) => probe::run(args)?,
+        Command::Render(args) => render::run(args, Talk::new(cli.quiet, false))?,
+        Command::Check(args) => return check::run(args),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut Cli::command(), "hatbox", &mut script);
+            output::print_with(|out| out.write_all(&script))?;
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// How much is said, and how.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Talk {
+    /// Only what is wrong.
+    Quiet,
+    /// One JSON object.
+    Json,
+    /// A summary for people.
+    Summary,
+}
+
+impl Talk {
+    fn new(quiet: bool, json: bool) -> Self {
+        match (quiet, json) {
+            (_, true) => Self::Json,
+            (true, _) => Self::Quiet,
+            _ => Self::Summary,
+        }
+    }
+
+    /// Whether progress is drawn.
+    fn shows_progress(self) -> bool {
+        self == Self::Summary && std::io::stderr().is_terminal()
+    }
+}
+
+/// A file that was written.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Written {
+    /// Where.
+    pub(crate) file: PathBuf,
+    /// Its size; 0 if it is not a file but a device.
+    pub(crate) bytes: u64,
+}
+
+impl Written {
+    fn new(file: &Path) -> Self {
+        Self { file: file.to_owned(), bytes: file.metadata().map_or(0, |metadata| metadata.len()) }
+    }
+}
+
+/// Makes sure that no output is the input, and that none is named twice.
+fn check_outputs(input: &Path, outputs: &[PathBuf]) -> Result<(), Failure> {
+    for (k, output) in outputs.iter().enumerate() {
+        if outputs[..k].contains(output) {
+            let message = format!("the output `{}` is named twice", output.display());
+            Cli::command().error(ErrorKind::ArgumentConflict, message).exit();
+        }
+        let same = std::fs::canonicalize(input).ok().zip(std::fs::canonicalize(output).ok());
+        if same.is_some_and(|(input, output)| input == output) {
+            let message = format!("{}: writing it would destroy the input", output.display());
+            return Err(Failure::with_help(message, "choose another name for the output"));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,73 @@
+//! `hatbox solve`: the radiosity of a scene.
+
+use super::{Talk, Written, check_outputs};
+use crate::args::SolveArgs;
+use crate::failure::Failure;
+use crate::progress::Bars;
+use crate::style::Style;
+use crate::{options, output, summary};
+use hatbox::io::{self, WriteOptions};
+use hatbox::radiosity::{Solution, solve};
+use hatbox::report::Report;
+use serde::Serialize;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+pub(crate) struct Done {
+    #[serde(flatten)]
+    pub(crate) report: Report,
+    /// From start to end.
+    pub(crate) seconds: f64,
+    /// The most memory held; `null` where the system does not tell.
+    pub(crate) peak_bytes: Option<u64>,
+    /// The files written.
+    pub(crate) outputs: Vec<Written>,
+    /// What was repaired or passed over in the input.
+    pub(crate) warnings: Vec<String>,
+}
+
+pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
+    let started = Instant::now();
+    // 1. What can be known to fail fails before the work.
+    options::set_threads(&args.run)?;
+    check_outputs(&args.scene.path, &args.output)?;
+    for path in &args.output {
+        io::writer_for(path)?;
+    }
+    let options = options::solve(args);
+    // 2. The scene.
+    let (scene, warnings) = io::read_scene(&args.scene.path)?;
+    output::warn(&warnings);
+    // 3. The light in it.
+    let bars = Bars::new(talk.shows_progress());
+    let solved = solve(&scene, &options, &bars).map_err(|error| Failure::of_solve(&args.scene.path, &error))?;
+    // 4. The files.
+    let outputs = write(&solved.solution, &args.output, &options::write(&args.view, scene.camera, &bars))?;
+    // 5. The summary.
+    let report = Report::new(&scene, &solved);
+    let seconds = started.elapsed().as_secs_f64();
+    let done = Done { report, seconds, peak_bytes: output::peak_bytes(), outputs, warnings };
+    match talk {
+        Talk::Json => output::print_json(&done),
+        Talk::Summary => output::print(&summary::solve(&args.scene.path, &done, Style::stdout())),
+        Talk::Quiet => Ok(()),
+    }
+}
+
+/// Writes a solution to every file.
+pub(super) fn write(
+    solution: &Solution,
+    paths: &[PathBuf],
+    options: &WriteOptions<'_>,
+) -> Result<Vec<Written>, Failure> {
+    let write = |path: &PathBuf| {
+        if options.progress.interrupted() {
+            return Err(Failure::Interrupted);
+        }
+        io::write(solution, path, options)?;
+        Ok(Written::new(path))
+    };
+    paths.iter().map(write).collect()
+}

@@ -1,0 +1,217 @@
+//! What the words of the command line mean: raw arguments become the library's options here, and nowhere else.
+
+use crate::args::{FactorsArgs, GroupKind, MeshArgs, RunArgs, Shown, SolveArgs, ViewArgs};
+use crate::failure::Failure;
+use glam::DVec3;
+use hatbox::bake::Exposure;
+use hatbox::element::Basis;
+use hatbox::io::{WriteOptions, unit};
+use hatbox::mesh::Refinement;
+use hatbox::progress::Progress;
+use hatbox::radiosity::{self, Options};
+use hatbox::render::RenderOptions;
+use hatbox::scene::Camera;
+use hatbox::space::Continuity;
+use hatbox::view_factors::{self, Between};
+use hatbox::{exchange, solve};
+
+/// The word that leaves a choice to the library.
+pub(crate) const AUTO: &str = "auto";
+
+/// Vertical field of view of a camera that does not say, in degrees.
+const FIELD_OF_VIEW: f64 = 40.0;
+
+/// The linear display value that the exposure's value is shown as.
+const BRIGHT: f64 = 0.8;
+
+/// What the library does when it is not told otherwise.
+pub(crate) fn defaults() -> Options {
+    Options::default()
+}
+
+/// What to solve and how.
+pub(crate) fn solve(args: &SolveArgs) -> Options {
+    let defaults = defaults();
+    // The parser has accepted names of the library's lists only, so that the defaults here are never reached.
+    Options {
+        basis: Basis::named(&args.basis).unwrap_or(defaults.basis),
+        continuity: Continuity::named(&args.continuity).unwrap_or(defaults.continuity),
+        refinement: refinement(&args.mesh).unwrap_or(defaults.refinement),
+        tolerance: args.accuracy.tolerance,
+        operator: exchange::kind(&args.operator).unwrap_or(defaults.operator),
+        solver: solve::ALL.iter().find(|solver| solver.name == args.solver).map(|solver| solver.kind),
+        seed: args.run.seed,
+        error_points: defaults.error_points,
+    }
+}
+
+/// What view factors to compute and how.
+pub(crate) fn factors(args: &FactorsArgs) -> view_factors::Options {
+    let mesh = MeshArgs { max_edge: args.mesh.max_edge, elements: args.mesh.elements };
+    view_factors::Options {
+        between: match args.groups {
+            None => Between::Elements,
+            Some(GroupKind::Object) => Between::Groups,
+            Some(GroupKind::Material) => Between::Materials,
+        },
+        refinement: refinement(&mesh).unwrap_or_default(),
+        tolerance: args.accuracy.tolerance,
+        seed: args.run.seed,
+    }
+}
+
+fn refinement(args: &MeshArgs) -> Option<Refinement> {
+    args.max_edge.map(Refinement::MaxEdge).or(args.elements.map(Refinement::Elements))
+}
+
+/// How solutions are written; `scene` is the camera of the scene.
+pub(crate) fn write<'a>(args: &ViewArgs, scene: Option<Camera>, progress: &'a dyn Progress) -> WriteOptions<'a> {
+    let shown = match args.quantity {
+        Shown::Radiosity => radiosity::Shown::Radiosity,
+        Shown::Irradiance => radiosity::Shown::Irradiance,
+    };
+    WriteOptions {
+        view: RenderOptions {
+            camera: args.camera.map(|camera| camera.placed(scene)),
+            width: args.width as usize,
+            height: args.height as usize,
+            samples: args.samples as usize,
+            shown,
+        },
+        exposure: args.exposure.map(|value| Exposure { scale: BRIGHT / value }),
+        false_color: args.false_color,
+        false_color_top: args.exposure,
+        progress,
+    }
+}
+
+/// Makes the library use that many threads.
+pub(crate) fn set_threads(args: &RunArgs) -> Result<(), Failure> {
+    let Some(threads) = args.threads else { return Ok(()) };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+    pool.map_err(|error| Failure::with_help(format!("cannot use {threads} threads: {error}"), "ask for fewer"))
+}
+
+/// A camera as it is typed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct CameraArgument {
+    eye: DVec3,
+    target: DVec3,
+    up: Option<DVec3>,
+    fov_y: f64,
+}
+
+impl CameraArgument {
+    /// The camera; up is as typed, or else as in the scene's own camera, or else y.
+    fn placed(self, scene: Option<Camera>) -> Camera {
+        let up = self.up.or(scene.map(|camera| camera.up)).unwrap_or(DVec3::Y);
+        Camera { eye: self.eye, target: self.target, up, fov_y: self.fov_y }
+    }
+}
+
+/// Parses EYE;TARGET[;UP[;DEGREES]].
+pub(crate) fn camera(text: &str) -> Result<CameraArgument, String> {
+    let parts: Vec<&str> = text.split(';').map(str::trim).collect();
+    let (&[eye, target], rest) = parts.split_first_chunk().ok_or("expected EYE;TARGET, such as 2,1.6,3;0,1,0")?;
+    let (up, degrees) = match *rest {
+        [] => (None, None),
+        [up] => (Some(up), None),
+        [up, degrees] => (Some(up), Some(degrees)),
+        _ => return Err("expected no more than EYE;TARGET;UP;DEGREES".to_owned()),
+    };
+    let (eye, target) = (vector(eye)?, vector(target)?);
+    let up = up.filter(|up| !up.is_empty()).map(vector).transpose()?;
+    let degrees = degrees.map_or(Ok(FIELD_OF_VIEW), number)?;
+    if !(degrees > 0.0 && degrees < 180.0) {
+        return Err(format!("a field of view of {degrees}° is not between 0 and 180"));
+    }
+    if eye == target || up.is_some_and(|up| up.cross(target - eye) == DVec3::ZERO) {
+        return Err("the camera looks along its up direction, or nowhere".to_owned());
+    }
+    Ok(CameraArgument { eye, target, up, fov_y: degrees.to_radians() })
+}
+
+fn vector(text: &str) -> Result<DVec3, String> {
+    let numbers: Vec<f64> = text.split(',').map(|part| number(part.trim())).collect::<Result<_, _>>()?;
+    let [x, y, z] = numbers[..] else { return Err(format!("`{text}` is not x,y,z")) };
+    Ok(DVec3::new(x, y, z))
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| value.is_finite());
+    value.ok_or_else(|| format!("`{text}` is not a number"))
+}
+
+/// Parses a number greater than 0.
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
+    let value = number(text)?;
+    if value > 0.0 { Ok(value) } else { Err("it must be greater than 0".to_owned()) }
+}
+
+/// Parses a whole number greater than 0.
+pub(crate) fn count(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|&n| n > 0).ok_or_else(|| "it must be a whole number greater than 0".to_owned())
+}
+
+/// Parses a relative error: 1% or 0.01.
+pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
+    let value = match text.strip_suffix('%') {
+        Some(percent) => number(percent.trim())? / 100.0,
+        None => number(text)?,
+    };
+    if value > 0.0 && value < 1.0 {
+        return Ok(value);
+    }
+    Err("it must lie between 0 and 1 (100%), such as 1% or 0.01".to_owned())
+}
+
+/// Parses a length: metres, or a number with a unit.
+pub(crate) fn length(text: &str) -> Result<f64, String> {
+    let with_unit = |unit: &unit::Unit| Some(number(text.strip_suffix(unit.name)?.trim()).ok()? * unit.metres);
+    let metres = number(text).ok().or_else(|| unit::ALL.iter().find_map(with_unit));
+    let metres =
+        metres.ok_or_else(|| format!("it is not a length; give metres, or a number with {}", unit::names()))?;
+    if metres > 0.0 { Ok(metres) } else { Err("it must be greater than 0".to_owned()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        use clap::CommandFactory;
+        crate::args::Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn tolerances_are_fractions_or_percentages() {
+        assert_eq!([tolerance("1%"), tolerance("0.01"), tolerance("1e-2"), tolerance("1 %")], [const { Ok(0.01) }; 4]);
+        for wrong in ["0", "-1%", "100%", "2", "one", "nan", ""] {
+            assert!(tolerance(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn lengths_have_units() {
+        assert_eq!(length("0.5"), Ok(0.5));
+        assert_eq!(length("1e-2"), Ok(0.01));
+        assert!(length("5cm").is_ok_and(|l| (l - 0.05).abs() < 1e-15));
+        assert!(length("12 in").is_ok_and(|l| (l - 0.3048).abs() < 1e-15));
+        for wrong in ["", "m", "5 furlongs", "-1", "0", "inf"] {
+            assert!(length(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn cameras_have_an_eye_and_a_target_at_least() {
+        let plain = camera("2,1.6,3;0,1,0").expect("a camera");
+        assert_eq!(plain.placed(None).up, DVec3::Y);
+        let full = camera("-2, 1.6, 3; 0,1,0; 0,0,1; 90").expect("a camera").placed(None);
+        assert_eq!((full.up, full.eye.x), (DVec3::Z, -2.0));
+        assert!((full.fov_y - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
+        for wrong in ["", "1,2,3", "1,2;0,0,0", "1,2,3;1,2,3", "0,0,0;0,0,1;0,0,1", "0,0,0;0,0,1;;180", "a,b,c;0,0,0"] {
+            assert!(camera(wrong).is_err(), "{wrong}");
+        }
+    }
+}

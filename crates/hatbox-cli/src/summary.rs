@@ -1,0 +1,332 @@
+//! Reports as text: a few aligned lines, most important first.
+
+use crate::commands::Written;
+use crate::commands::check::Done as Checked;
+use crate::commands::factors::Done as Factors;
+use crate::commands::solve::Done;
+use crate::style::Style;
+use hatbox::report::Report;
+use hatbox::view_factors::ViewFactors;
+use std::path::Path;
+
+/// The greatest number of surfaces whose factors are shown.
+const SHOWN_SURFACES: usize = 8;
+
+/// Lines, each with a name in a column of its own.
+struct Lines {
+    style: Style,
+    text: String,
+}
+
+impl Lines {
+    fn new(style: Style) -> Self {
+        Self { style, text: String::new() }
+    }
+
+    fn line(&mut self, label: &str, text: &str) {
+        // Padded before it is coloured: colour codes have no width.
+        self.text += &format!("{} {text}\n", self.style.label(&format!("{label:<9}")));
+    }
+
+    fn more(&mut self, text: &str) {
+        self.text += &format!("{:<9} {text}\n", "");
+    }
+}
+
+/// What `solve` did.
+pub(crate) fn solve(path: &Path, done: &Done, style: Style) -> String {
+    let report = &done.report;
+    let mut lines = Lines::new(style);
+    scene(&mut lines, path, report);
+    light(&mut lines, report);
+    operator(&mut lines, report);
+    let solver = &report.solver;
+    lines.line(
+        "Solver",
+        &format!(
+            "{}, {} iterations, residual {:.0e}, {}",
+            solver.kind,
+            solver.iterations,
+            solver.residual,
+            seconds(solver.seconds)
+        ),
+    );
+    error(&mut lines, report);
+    written(&mut lines, &done.outputs);
+    if done.outputs.is_empty() {
+        lines.line("Written", &style.faint("nothing; name files with -o, such as -o lit.glb or -o picture.png"));
+    }
+    lines.line("Total", &total(done.seconds, done.peak_bytes));
+    lines.text
+}
+
+fn scene(lines: &mut Lines, path: &Path, report: &Report) {
+    let [x, y, z] = report.scene.size;
+    let bands = if report.bands == 1 { "1 band".to_owned() } else { format!("{} bands", report.bands) };
+    lines.line(
+        "Scene",
+        &format!(
+            "{}: {} faces, {} m², {} × {} × {} m, {bands}",
+            path.display(),
+            count(report.scene.faces as u64),
+            digits(report.scene.area),
+            digits(x),
+            digits(y),
+            digits(z)
+        ),
+    );
+    lines.line(
+        "Mesh",
+        &format!(
+            "{} elements, {} unknowns a band, {} {}",
+            count(report.elements as u64),
+            count(report.dofs as u64),
+            report.continuity,
+            report.basis
+        ),
+    );
+}
+
+fn light(lines: &mut Lines, report: &Report) {
+    let (label, power, density) =
+        if report.scene.physics == "heat" { ("Heat", "W", "W/m²") } else { ("Light", "lm", "lx") };
+    let energy = &report.energy;
+    let emitted: f64 = energy.emitted.iter().sum();
+    if emitted <= 0.0 {
+        lines.line(label, "nothing emits; everything is dark");
+        return;
+    }
+    let share = |part: &[f64]| percent(part.iter().sum::<f64>() / emitted);
+    lines.line(
+        label,
+        &format!(
+            "{} {power} emitted: {} absorbed, {} escaped",
+            per_band(&energy.emitted),
+            share(&energy.absorbed),
+            share(&energy.escaped)
+        ),
+    );
+    lines.more(&format!("{} {density} mean irradiance", per_band(&energy.mean_irradiance)));
+}
+
+fn operator(lines: &mut Lines, report: &Report) {
+    let operator = &report.operator;
+    let clear = operator.clear_pairs as f64 / operator.pairs.max(1) as f64;
+    lines.line(
+        "Operator",
+        &format!(
+            "{}, {} pairs ({} proven clear), {} rays, {}, {}",
+            operator.kind,
+            count(operator.pairs),
+            percent(clear),
+            count(operator.rays),
+            bytes(operator.bytes as u64),
+            seconds(operator.seconds)
+        ),
+    );
+    let closure = &report.closure;
+    if closure.escape == 0.0 {
+        let balanced = if closure.balanced { ", balanced away" } else { "" };
+        lines.more(&format!("closed scene; row sums were off by up to {}{balanced}", percent(closure.deficit)));
+    }
+}
+
+fn error(lines: &mut Lines, report: &Report) {
+    let Some(error) = &report.error else { return };
+    lines.line(
+        "Error",
+        &format!(
+            "about {} of the reflected light (estimated: residual {} / absorption {})",
+            percent(error.estimate),
+            percent(error.residual),
+            percent(error.absorption)
+        ),
+    );
+    lines.more(&format!("operator {}, solver {:.0e}", percent(error.operator), error.solver));
+}
+
+/// What `factors` did.
+pub(crate) fn factors(path: &Path, found: &ViewFactors, done: &Factors, style: Style) -> String {
+    let mut lines = Lines::new(style);
+    let groups = if found.len() == found.elements { String::new() } else { format!(" in {} groups", found.len()) };
+    lines.line("Scene", &format!("{}: {} elements{groups}", path.display(), count(found.elements as u64)));
+    let clear = done.clear_pairs as f64 / done.pairs.max(1) as f64;
+    lines.line(
+        "Factors",
+        &format!(
+            "{} not zero, {} pairs of elements ({} proven clear), {} rays, {}",
+            count(done.nonzeros as u64),
+            count(done.pairs),
+            percent(clear),
+            count(done.rays),
+            bytes(done.bytes as u64)
+        ),
+    );
+    let [least, greatest] = done.row_sums;
+    let sums = if done.closed {
+        format!("1 ± {:.1e}", done.max_row_sum_error)
+    } else {
+        format!("{least:.6} … {greatest:.6}, the rest goes to the environment")
+    };
+    lines.line("Row sums", &sums);
+    lines.line(
+        "Error",
+        &format!("estimated: quadrature {:.1e}, visibility {:.1e}", done.quadrature_error, done.visibility_error),
+    );
+    written(&mut lines, &done.outputs);
+    lines.line("Total", &total(done.seconds, done.peak_bytes));
+    if found.len() <= SHOWN_SURFACES {
+        lines.text += &matrix(found, style);
+    }
+    lines.text
+}
+
+/// The factors of few surfaces, as a table.
+fn matrix(found: &ViewFactors, style: Style) -> String {
+    let width = found.surfaces.iter().map(|surface| surface.name.chars().count()).max().unwrap_or(0).max(8);
+    let name = |name: &str| style.faint(&format!("{name:>width$}"));
+    let names: Vec<String> = found.surfaces.iter().map(|surface| name(&surface.name)).collect();
+    let mut text = format!("\n{} {}\n", name("from \\ to"), names.join("  "));
+    for (row, name) in names.iter().enumerate() {
+        let factors: Vec<String> = found.row(row).map(|factor| format!("{factor:>width$.6}")).collect();
+        text += &format!("{name} {}\n", factors.join("  "));
+    }
+    text
+}
+
+/// What `check` found.
+pub(crate) fn check(path: &Path, done: &Checked, style: Style) -> String {
+    let mut lines = Lines::new(style);
+    if let Some(scene) = &done.scene {
+        let [x, y, z] = scene.size.map(digits);
+        let (faces, area) = (count(scene.faces as u64), digits(scene.area));
+        lines.line("Scene", &format!("{}: {faces} faces, {area} m², {x} × {y} × {z} m", path.display()));
+    } else {
+        lines.line("Scene", &path.display().to_string());
+    }
+    if let Some(lighting) = &done.lighting {
+        let escape = match lighting.escape {
+            0.0 => "closed".to_owned(),
+            escape => format!("open: {} of the directions lead out or to unlit backs", percent(escape)),
+        };
+        lines.line("Light", &format!("{} of {} sides emit; {escape}", lighting.emitters, lighting.faces));
+    }
+    for found in &done.findings {
+        let label = format!("{:<9}", found.severity);
+        let label = match found.severity {
+            "error" => style.error(&label),
+            "warning" => style.warning(&label),
+            _ => style.faint(&label),
+        };
+        lines.text += &format!("{label} {}\n", found.message);
+    }
+    let verdict = match (done.ok, done.findings.is_empty()) {
+        (true, true) => "nothing suspicious",
+        (true, false) => "it can be solved",
+        (false, _) => "it cannot be solved",
+    };
+    lines.line("Verdict", verdict);
+    lines.text
+}
+
+/// Only the files.
+pub(crate) fn outputs(outputs: &[Written], style: Style) -> String {
+    let mut lines = Lines::new(style);
+    written(&mut lines, outputs);
+    lines.text
+}
+
+fn written(lines: &mut Lines, outputs: &[Written]) {
+    for (k, output) in outputs.iter().enumerate() {
+        let text = format!("{} ({})", output.file.display(), bytes(output.bytes));
+        if k == 0 { lines.line("Written", &text) } else { lines.more(&text) }
+    }
+}
+
+fn total(time: f64, peak: Option<u64>) -> String {
+    let peak = peak.map_or(String::new(), |peak| format!(", at most {} of memory", bytes(peak)));
+    seconds(time) + &peak
+}
+
+/// A value per band, the same number once.
+fn per_band(values: &[f64]) -> String {
+    let shown: Vec<String> = values.iter().map(|&value| digits(value)).collect();
+    match &shown[..] {
+        [first, rest @ ..] if rest.iter().all(|other| other == first) => first.clone(),
+        _ => shown.join(" · "),
+    }
+}
+
+/// Three digits, or all of those before the point.
+fn digits(value: f64) -> String {
+    let magnitude = value.abs();
+    match magnitude {
+        0.0 => "0".to_owned(),
+        m if m < 1e-3 => format!("{value:.2e}"),
+        m if m < 1e6 => {
+            let decimals = (2 - m.log10().floor() as i32).clamp(0, 5) as usize;
+            let text = format!("{value:.decimals$}");
+            if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+        }
+        _ => format!("{value:.3e}"),
+    }
+}
+
+fn percent(fraction: f64) -> String {
+    // What is left of zero after rounding is zero.
+    let percent = if fraction.abs() < 1e-12 { 0.0 } else { 100.0 * fraction };
+    if percent.abs() < 0.01 && percent != 0.0 { format!("{percent:.0e} %") } else { digits(percent) + " %" }
+}
+
+/// A count, short where it is large.
+fn count(n: u64) -> String {
+    match n {
+        0..100_000 => n.to_string(),
+        100_000..10_000_000 => format!("{:.2} M", n as f64 / 1e6),
+        10_000_000..10_000_000_000 => format!("{:.0} M", n as f64 / 1e6),
+        _ => format!("{:.1} G", n as f64 / 1e9),
+    }
+}
+
+fn bytes(n: u64) -> String {
+    match n {
+        0..1000 => format!("{n} B"),
+        1000..1_000_000 => format!("{:.0} kB", n as f64 / 1e3),
+        1_000_000..1_000_000_000 => format!("{:.1} MB", n as f64 / 1e6),
+        _ => format!("{:.2} GB", n as f64 / 1e9),
+    }
+}
+
+fn seconds(time: f64) -> String {
+    match time {
+        t if t < 0.1 => format!("{:.0} ms", 1e3 * t),
+        t if t < 10.0 => format!("{t:.2} s"),
+        t if t < 120.0 => format!("{t:.1} s"),
+        t if t < 7200.0 => format!("{:.0} min {:.0} s", (t / 60.0).floor(), t % 60.0),
+        t => format!("{:.0} h {:.0} min", (t / 3600.0).floor(), (t % 3600.0) / 60.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!([0.0, 1.0, 12.345, 1234.5, 0.012_34].map(digits), ["0", "1", "12.3", "1234", "0.0123"]);
+        assert_eq!(digits(999.7), "1000");
+        assert_eq!([0.5, 0.000_01].map(percent), ["50 %", "1e-3 %"]);
+        assert_eq!([12, 1_234_567, 45_000_000].map(count), ["12", "1.23 M", "45 M"]);
+        assert_eq!([999, 12_345, 1_500_000].map(bytes), ["999 B", "12 kB", "1.5 MB"]);
+        assert_eq!(
+            [0.012, 3.0, 61.0, 130.0, 7260.0].map(seconds),
+            ["12 ms", "3.00 s", "61.0 s", "2 min 10 s", "2 h 1 min"]
+        );
+    }
+
+    #[test]
+    fn equal_bands_are_one_number() {
+        assert_eq!(per_band(&[2.0, 2.0, 2.0]), "2");
+        assert_eq!(per_band(&[1.0, 2.0]), "1 · 2");
+    }
+}

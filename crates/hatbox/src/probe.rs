@@ -1,0 +1,94 @@
+//! The solution at places that a user names: points in space, each with a direction.
+//!
+//! A point of a measuring grid seldom lies on the mesh to the last bit, and near an edge or a thin wall the nearest
+//! surface may be the wrong one. So a point takes the value of the nearest cell whose lit side looks the same way (the
+//! cosine of the angle between the normals is at least one half). How far that is, is reported: a point in mid-air still
+//! gets a value, and its distance says what the value is worth. Only where no cell at all looks that way there is none.
+
+use crate::linalg::MultiVector;
+use crate::radiosity::{Shown, Solution};
+use crate::visibility::Bvh;
+use glam::DVec3;
+
+/// Cosine of the greatest angle between a point's normal and that of the cell it belongs to.
+const AGREEMENT: f64 = 0.5;
+
+/// Points farther from the surface than this fraction of the scene's diagonal are [`far`](Probed::far).
+pub const FAR: f64 = 0.01;
+
+/// Answers where a point lies on the surfaces of a solution.
+pub struct Probe<'a> {
+    solution: &'a Solution,
+    triangles: Bvh,
+    normals: Vec<DVec3>,
+}
+
+/// The place on the surfaces that a point belongs to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    /// The cell.
+    pub cell: usize,
+    /// Reference coordinates in the cell.
+    pub at: [f64; 2],
+    /// Distance from the point, in metres.
+    pub distance: f64,
+}
+
+/// Values at points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Probed {
+    /// E, a row per point; NaN where nothing looks the point's way.
+    pub irradiance: MultiVector,
+    /// B, likewise.
+    pub radiosity: MultiVector,
+    /// How many points lie farther than [`FAR`] from the surface that they took the value of.
+    pub far: usize,
+    /// How many points found no surface.
+    pub missed: usize,
+}
+
+impl<'a> Probe<'a> {
+    /// Prepares the search.
+    pub fn new(solution: &'a Solution) -> Self {
+        let (mut triangles, mut ids) = (Vec::new(), Vec::new());
+        let mut normals = Vec::new();
+        for cell in 0..solution.space.cells() {
+            let patch = solution.scene.mesh.patch(cell);
+            for corners in patch.triangles() {
+                triangles.push(corners.map(|k| patch.corners()[k]));
+                ids.push(cell as u32);
+                normals.push(patch.normal());
+            }
+        }
+        Self { solution, triangles: Bvh::new(&triangles, &ids), normals }
+    }
+
+    /// The place that a point with a normal (of any length) belongs to.
+    pub fn place(&self, position: DVec3, normal: DVec3) -> Option<Place> {
+        let normal = normal.normalize_or_zero();
+        let agrees = |triangle: u32| self.normals[triangle as usize].dot(normal) >= AGREEMENT;
+        let nearest = self.triangles.nearest_point(position, agrees)?;
+        let (_, cell) = self.triangles.triangle(nearest.triangle)?;
+        let patch = self.solution.scene.mesh.patch(cell as usize);
+        Some(Place { cell: cell as usize, at: patch.locate(nearest.point), distance: nearest.distance })
+    }
+
+    /// E and B at points with normals.
+    pub fn values(&self, points: &[(DVec3, DVec3)]) -> Probed {
+        let places: Vec<Option<Place>> =
+            points.iter().map(|&(position, normal)| self.place(position, normal)).collect();
+        let (low, high) = self.solution.scene.mesh.bounds();
+        let limit = FAR * low.distance(high);
+        let field = |shown| {
+            MultiVector::from_fn(points.len(), self.solution.bands(), |row, band| {
+                places[row].map_or(f64::NAN, |place| self.solution.evaluate(shown, place.cell, place.at, band))
+            })
+        };
+        Probed {
+            irradiance: field(Shown::Irradiance),
+            radiosity: field(Shown::Radiosity),
+            far: places.iter().flatten().filter(|place| place.distance > limit).count(),
+            missed: places.iter().filter(|place| place.is_none()).count(),
+        }
+    }
+}

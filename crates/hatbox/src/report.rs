@@ -1,0 +1,217 @@
+//! What a solve did, as numbers with names: the one source of the summary that people read and of the JSON that scripts
+//! read.
+//!
+//! The names and the nesting are an interface: fields are added, never renamed. Numbers are in the units of the scene
+//! (lm, lx or W, W/m²), lengths in metres, errors and fractions relative to 1, and lists have one entry per band.
+
+use crate::linalg::LinearOperator;
+use crate::mesh::Mesh;
+use crate::radiosity::Solved;
+use crate::scene::{Physics, Scene};
+use serde::Serialize;
+
+/// What is known after a solve.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// Number of elements: cells of the subdivided mesh.
+    pub elements: usize,
+    /// Number of unknowns per band.
+    pub dofs: usize,
+    /// Name of the basis.
+    pub basis: &'static str,
+    /// `continuous` or `broken`.
+    pub continuity: &'static str,
+    /// Number of bands.
+    pub bands: usize,
+    /// What was given.
+    pub scene: SceneReport,
+    /// The exchange operator.
+    pub operator: OperatorReport,
+    /// The solver.
+    pub solver: SolverReport,
+    /// Where the power went.
+    pub energy: EnergyReport,
+    /// What is known of the row sums of the operator.
+    pub closure: ClosureReport,
+    /// How wrong the solution may be; `None` if nobody asked.
+    pub error: Option<ErrorReport>,
+}
+
+/// The scene as it was given.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SceneReport {
+    /// `light` or `heat`.
+    pub physics: &'static str,
+    /// Faces of the input, after welding.
+    pub faces: usize,
+    /// Area of all sides that carry light, in m².
+    pub area: f64,
+    /// Extents along x, y and z, in metres.
+    pub size: [f64; 3],
+}
+
+/// What the exchange operator cost and how wrong it may be.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct OperatorReport {
+    /// Its kind.
+    pub kind: &'static str,
+    /// Memory of its coefficients.
+    pub bytes: usize,
+    /// Rays cast.
+    pub rays: u64,
+    /// Pairs of elements that exchange light.
+    pub pairs: u64,
+    /// Pairs among them that were proven to see each other fully.
+    pub clear_pairs: u64,
+    /// Time to build it.
+    pub seconds: f64,
+    /// Estimated relative error of the worst row's sum from quadrature.
+    pub quadrature_error: f64,
+    /// Estimated relative error of the worst row's sum from sampled visibility.
+    pub visibility_error: f64,
+}
+
+/// What the solver did.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SolverReport {
+    /// Its name.
+    pub kind: &'static str,
+    /// Iterations of the slowest band.
+    pub iterations: usize,
+    /// The greatest relative residual of all bands.
+    pub residual: f64,
+    /// Time it took.
+    pub seconds: f64,
+}
+
+/// Where the power went, per band, in lm or W.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EnergyReport {
+    /// What the emitters emit.
+    pub emitted: Vec<f64>,
+    /// What leaves the surfaces, emitted and reflected.
+    pub leaving: Vec<f64>,
+    /// What the surfaces keep.
+    pub absorbed: Vec<f64>,
+    /// What leaves the scene or falls on unlit backs.
+    pub escaped: Vec<f64>,
+    /// |emitted − absorbed − escaped| / emitted, the greatest of all bands.
+    pub defect: f64,
+    /// Mean irradiance by area, in lx or W/m².
+    pub mean_irradiance: Vec<f64>,
+}
+
+/// What is known of the row sums.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ClosureReport {
+    /// Fraction of rays that leave the scene; 0 in a closed one.
+    pub escape: f64,
+    /// The worst row's deviation from what a closed scene must have, before balancing.
+    pub deficit: f64,
+    /// Whether the operator was balanced to exact row sums.
+    pub balanced: bool,
+}
+
+/// How wrong the solution may be.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ErrorReport {
+    /// `estimated`: from samples, not a bound.
+    pub kind: &'static str,
+    /// Relative L2 error of the reflected light.
+    pub estimate: f64,
+    /// Relative residual of the equation at points that the solver never saw.
+    pub residual: f64,
+    /// What the residual is divided by to become the estimate: the fraction of light absorbed at each meeting.
+    pub absorption: f64,
+    /// The operator's part: quadrature and visibility.
+    pub operator: f64,
+    /// The solver's part.
+    pub solver: f64,
+}
+
+impl Report {
+    /// From what was given and what came out.
+    pub fn new(given: &Scene, solved: &Solved) -> Self {
+        let solution = &solved.solution;
+        Self {
+            elements: solution.space.cells(),
+            dofs: solved.unknowns,
+            basis: solution.space.basis().name,
+            continuity: if solution.space.continuity().is_some() { "continuous" } else { "broken" },
+            bands: solution.bands(),
+            scene: SceneReport::new(given),
+            operator: operator(solved),
+            solver: SolverReport {
+                kind: crate::solve::ALL.iter().find(|solver| solver.kind == solved.solver).map_or("", |s| s.name),
+                iterations: solved.info.iterations,
+                residual: solved.info.residual,
+                seconds: solved.solver_time.as_secs_f64(),
+            },
+            energy: energy(solved),
+            closure: ClosureReport {
+                escape: solved.closure.escape,
+                deficit: solved.closure.deficit,
+                balanced: solved.closure.balanced,
+            },
+            error: solved.error.map(|e| ErrorReport {
+                kind: "estimated",
+                estimate: e.relative,
+                residual: e.residual,
+                absorption: e.absorption,
+                operator: e.operator,
+                solver: e.solver,
+            }),
+        }
+    }
+}
+
+impl SceneReport {
+    /// The facts about a scene.
+    pub fn new(scene: &Scene) -> Self {
+        let physics = match scene.physics {
+            Physics::Light => "light",
+            Physics::Heat => "heat",
+        };
+        Self { physics, faces: scene.surfaces.len(), area: scene.mesh.area(), size: size(&scene.mesh) }
+    }
+}
+
+/// The extents of a mesh; zero if it has no vertices.
+fn size(mesh: &Mesh) -> [f64; 3] {
+    let (low, high) = mesh.bounds();
+    (high - low).max(glam::DVec3::ZERO).to_array()
+}
+
+fn operator(solved: &Solved) -> OperatorReport {
+    let statistics = &solved.operator;
+    OperatorReport {
+        kind: solved.operator_kind,
+        bytes: statistics.bytes,
+        rays: statistics.rays,
+        pairs: statistics.pairs,
+        clear_pairs: statistics.clear_pairs,
+        seconds: solved.operator_time.as_secs_f64(),
+        quadrature_error: statistics.quadrature_error,
+        visibility_error: statistics.visibility_error,
+    }
+}
+
+fn energy(solved: &Solved) -> EnergyReport {
+    let energy = &solved.energy;
+    EnergyReport {
+        emitted: energy.emitted.clone(),
+        leaving: energy.leaving.clone(),
+        absorbed: energy.absorbed.clone(),
+        escaped: energy.escaped.clone(),
+        defect: energy.defect(),
+        mean_irradiance: mean_irradiance(solved),
+    }
+}
+
+/// ∫E / area, per band.
+fn mean_irradiance(solved: &Solved) -> Vec<f64> {
+    let solution = &solved.solution;
+    let integrals = crate::assemble::mass(&solution.scene, &solution.space).times(&solution.irradiance);
+    let area = solution.scene.mesh.area();
+    integrals.iter_bands().map(|band| band.iter().sum::<f64>() / area).collect()
+}
