@@ -20,6 +20,7 @@
 //! Dropped: Embree (a system library), single-precision triangles (leaks of 1e-7 of the scene), 16-ray packets (twice as
 //! fast for the ray bundle of one pair, half as fast otherwise; the shafts already answer most pairs without rays).
 
+#![cfg_attr(target_arch = "x86_64", expect(unsafe_code, reason = "AVX2 intrinsics, behind detection at run time"))]
 #![expect(clippy::inline_always, reason = "kernels must be inlined into functions compiled for their instruction set")]
 
 #[cfg(target_arch = "x86_64")]
