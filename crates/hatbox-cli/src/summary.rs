@@ -164,7 +164,7 @@ pub(crate) fn factors(path: &Path, found: &ViewFactors, done: &Factors, style: S
     );
     let [least, greatest] = done.row_sums;
     let sums = if done.closed {
-        format!("1 ± {:.1e}", done.max_row_sum_error)
+        format!("1 ± {}", small(done.max_row_sum_error))
     } else {
         format!("{least:.6} … {greatest:.6}, the rest goes to the environment")
     };
@@ -270,6 +270,11 @@ fn digits(value: f64) -> String {
         }
         _ => format!("{value:.3e}"),
     }
+}
+
+/// A small number in powers of ten, or nothing at all.
+fn small(value: f64) -> String {
+    if value == 0.0 { "0".to_owned() } else { format!("{value:.1e}") }
 }
 
 fn percent(fraction: f64) -> String {
