@@ -191,5 +191,5 @@ fn the_files_hold_the_matrix() {
     assert_eq!(array("indptr.npy").integers(0), Ok(vec![0, 5, 10, 15, 20, 25, 30]));
     assert_eq!(array("shape.npy").integers(0), Ok(vec![6, 6]));
     assert_eq!(array("indices.npy").integers(0).expect("integers")[..5], [1, 2, 3, 4, 5]);
-    assert_eq!(array("data.npy").f64s().expect("numbers")[5], found.get(1, 0));
+    assert_eq!(array("data.npy").f64s().expect("numbers")[5].to_bits(), found.get(1, 0).to_bits());
 }
