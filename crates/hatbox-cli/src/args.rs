@@ -136,7 +136,7 @@ pub(crate) struct ProbeArgs {
     pub(crate) points: PathBuf,
     /// Table (.csv) or array (.npy) to write; standard output if not given
     ///
-    /// The six columns of each point, then E_0 … and B_0 …, one per band. A point takes the value of the nearest
+    /// The six columns of each point, then `E_0 …` and `B_0 …`, one per band. A point takes the value of the nearest
     /// surface whose normal agrees; it is NaN where no surface at all looks that way.
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) output: Option<PathBuf>,
@@ -185,8 +185,9 @@ pub(crate) struct SceneArgument {
 pub(crate) struct Accuracy {
     /// Relative error that form factors and visibility may have, such as 1% or 0.01
     ///
-    /// Quadrature and shadow rays follow from it. The error of the elements themselves is estimated and reported but not
-    /// controlled: for that, ask for smaller elements or a higher basis.
+    /// Quadrature and shadow rays follow from it. It does not control the discretisation: the error that the size and
+    /// order of the elements leave is estimated and reported by `solve`; where it is too large, ask for smaller elements
+    /// or a higher basis.
     #[arg(long, value_name = "T", default_value = "1%", value_parser = options::tolerance)]
     pub(crate) tolerance: f64,
 }

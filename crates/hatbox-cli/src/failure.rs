@@ -61,7 +61,7 @@ impl Failure {
                 let terminal = std::io::stderr().is_terminal();
                 // Lines that a program reads are not broken, so that paths stay whole.
                 let look = MietteHandlerOpts::new().wrap_lines(terminal).break_words(false).build();
-                let shown = Shown { problem: &*problem, look: &look };
+                let shown = Shown { problem: &problem, look: &look };
                 let _ = writeln!(std::io::stderr(), "{shown:?}");
                 ExitCode::from(1)
             }

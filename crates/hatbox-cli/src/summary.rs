@@ -7,6 +7,7 @@ use crate::commands::solve::Done;
 use crate::style::Style;
 use hatbox::report::Report;
 use hatbox::view_factors::ViewFactors;
+use std::fmt::Write as _;
 use std::path::Path;
 
 /// The greatest number of surfaces whose factors are shown.
@@ -25,11 +26,12 @@ impl Lines {
 
     fn line(&mut self, label: &str, text: &str) {
         // Padded before it is coloured: colour codes have no width.
-        self.text += &format!("{} {text}\n", self.style.label(&format!("{label:<9}")));
+        // Writing to a String cannot fail, here and below.
+        let _ = writeln!(self.text, "{} {text}", self.style.label(&format!("{label:<9}")));
     }
 
     fn more(&mut self, text: &str) {
-        self.text += &format!("{:<9} {text}\n", "");
+        let _ = writeln!(self.text, "{:<9} {text}", "");
     }
 }
 
@@ -164,14 +166,14 @@ pub(crate) fn factors(path: &Path, found: &ViewFactors, done: &Factors, style: S
     );
     let [least, greatest] = done.row_sums;
     let sums = if done.closed {
-        format!("1 ± {:.1e}", done.max_row_sum_error)
+        format!("1 ± {}", small(done.max_row_sum_error))
     } else {
         format!("{least:.6} … {greatest:.6}, the rest goes to the environment")
     };
     lines.line("Row sums", &sums);
     lines.line(
         "Error",
-        &format!("estimated: quadrature {:.1e}, visibility {:.1e}", done.quadrature_error, done.visibility_error),
+        &format!("estimated: quadrature {}, visibility {}", small(done.quadrature_error), small(done.visibility_error)),
     );
     written(&mut lines, &done.outputs);
     lines.line("Total", &total(done.seconds, done.peak_bytes));
@@ -189,7 +191,7 @@ fn matrix(found: &ViewFactors, style: Style) -> String {
     let mut text = format!("\n{} {}\n", name("from \\ to"), names.join("  "));
     for (row, name) in names.iter().enumerate() {
         let factors: Vec<String> = found.row(row).map(|factor| format!("{factor:>width$.6}")).collect();
-        text += &format!("{name} {}\n", factors.join("  "));
+        let _ = writeln!(text, "{name} {}", factors.join("  "));
     }
     text
 }
@@ -218,7 +220,7 @@ pub(crate) fn check(path: &Path, done: &Checked, style: Style) -> String {
             "warning" => style.warning(&label),
             _ => style.faint(&label),
         };
-        lines.text += &format!("{label} {}\n", found.message);
+        let _ = writeln!(lines.text, "{label} {}", found.message);
     }
     let verdict = match (done.ok, done.findings.is_empty()) {
         (true, true) => "nothing suspicious",
@@ -270,6 +272,11 @@ fn digits(value: f64) -> String {
         }
         _ => format!("{value:.3e}"),
     }
+}
+
+/// A small number in powers of ten, or nothing at all.
+fn small(value: f64) -> String {
+    if value == 0.0 { "0".to_owned() } else { format!("{value:.1e}") }
 }
 
 fn percent(fraction: f64) -> String {

@@ -180,7 +180,9 @@ impl<'a> Sides<'a> {
             let sees_light =
                 |side: &usize| self.seen_from(*side, round).into_iter().any(|other| lit[other] && self.sends(other));
             fresh = dark.into_par_iter().filter(sees_light).collect();
-            fresh.iter().for_each(|&side| lit[side] = true);
+            for &side in &fresh {
+                lit[side] = true;
+            }
             round += 1;
         }
         lit

@@ -1,8 +1,8 @@
 //! View factors: which fraction of what leaves one surface reaches another.
 //!
-//! F is the exchange operator in the basis of constants, divided by the area: F_ij = S_ij / A_i. For groups of elements
-//! A_g F_gh = Σ S_ij over their members. S is symmetric, and so reciprocity A_i F_ij = A_j F_ji holds to rounding; the row
-//! sums are *not* forced to one here, so that in a closed scene their error is an honest measure of the accuracy.
+//! F is the exchange operator in the basis of constants, divided by the area: `F_ij = S_ij / A_i`. For groups of
+//! elements `A_g F_gh = Σ S_ij` over their members. S is symmetric, and so reciprocity `A_i F_ij = A_j F_ji` holds to
+//! rounding; the row sums are *not* forced to one here, so that in a closed scene their error is an honest measure of the accuracy.
 
 use crate::assemble::Panel;
 use crate::element::{ALL, Basis};
@@ -85,7 +85,7 @@ pub struct ViewFactors {
     areas: Areas,
 }
 
-/// The exchange areas A_i F_ij.
+/// The exchange areas `A_i F_ij`.
 #[derive(Debug)]
 enum Areas {
     Elements(Dense),
@@ -100,10 +100,10 @@ pub struct Check {
     pub least_row_sum: f64,
     /// The greatest sum of a row.
     pub greatest_row_sum: f64,
-    /// In a closed scene the greatest |1 − Σ_j F_ij|; in an open one, where sums below one are right, the greatest excess
+    /// In a closed scene the greatest `|1 − Σ_j F_ij|`; in an open one, where sums below one are right, the greatest excess
     /// over one.
     pub max_row_sum_error: f64,
-    /// The greatest |A_i F_ij − A_j F_ji|, relative to the greater of both.
+    /// The greatest `|A_i F_ij − A_j F_ji|`, relative to the greater of both.
     pub max_reciprocity_error: f64,
     /// Number of factors that are not zero.
     pub nonzeros: usize,
@@ -145,7 +145,7 @@ impl ViewFactors {
         self.surfaces.is_empty()
     }
 
-    /// F_ij, the fraction of what leaves surface i that reaches surface j.
+    /// `F_ij`, the fraction of what leaves surface i that reaches surface j.
     pub fn get(&self, i: usize, j: usize) -> f64 {
         let exchanged = match &self.areas {
             Areas::Elements(dense) => dense.exchange_area(i, j),
@@ -154,7 +154,7 @@ impl ViewFactors {
         exchanged / self.surfaces[i].area
     }
 
-    /// F_ij for all j.
+    /// `F_ij` for all j.
     pub fn row(&self, i: usize) -> impl Iterator<Item = f64> + '_ {
         (0..self.len()).map(move |j| self.get(i, j))
     }

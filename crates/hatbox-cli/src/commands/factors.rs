@@ -28,7 +28,7 @@ pub(crate) struct Done {
     pub(crate) row_sums: [f64; 2],
     /// In a closed scene the greatest |1 − row sum|, in an open one the greatest excess over 1.
     pub(crate) max_row_sum_error: f64,
-    /// The greatest |A_i F_ij − A_j F_ji|, relative to the greater.
+    /// The greatest `|A_i F_ij − A_j F_ji|`, relative to the greater.
     pub(crate) max_reciprocity_error: f64,
     /// Rays cast.
     pub(crate) rays: u64,

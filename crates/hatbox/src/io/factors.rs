@@ -67,6 +67,7 @@ fn nonzeros(factors: &ViewFactors, row: usize) -> impl Iterator<Item = (usize, f
 }
 
 /// Compressed sparse rows, with the keys of `scipy.sparse.save_npz`.
+#[expect(clippy::cast_possible_wrap, reason = "i32 was tried, and no array has 2^63 entries")]
 fn npz(factors: &ViewFactors, file: &mut (impl Write + Seek)) -> io::Result<()> {
     let n = factors.len();
     let mut starts = vec![0_usize];

@@ -1,0 +1,209 @@
+//! The binary as its users meet it: what it prints, what it writes, how it ends.
+
+#[path = "cli/failures.rs"]
+mod failures;
+#[path = "cli/solutions.rs"]
+mod solutions;
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+/// A scene that is solved in no time …
+const CUBE: &str = "cube.obj";
+/// … with so few elements.
+const FEW: [&str; 2] = ["--elements", "24"];
+
+fn sample(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes").join(name)
+}
+
+fn hatbox() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_hatbox"))
+}
+
+/// `hatbox solve` of the cube.
+fn solve_cube() -> Command {
+    let mut command = hatbox();
+    command.arg("solve").arg(sample(CUBE)).args(FEW);
+    command
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// A folder for the files of one test.
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::tempdir().expect("a temporary folder"))
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn file(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+        std::fs::write(self.path(name), content).expect("writing a test file");
+        self.path(name)
+    }
+
+    fn names(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(self.0.path()).expect("the folder");
+        let name = |entry: std::io::Result<std::fs::DirEntry>| entry.expect("an entry").file_name();
+        let mut names: Vec<String> = entries.map(|entry| name(entry).to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
+}
+
+#[track_caller]
+fn succeed(command: &mut Command) -> Output {
+    let output = command.output().expect("the binary runs");
+    assert!(output.status.success(), "{command:?}: {}", text(&output.stderr));
+    output
+}
+
+/// The one JSON object on standard output.
+#[track_caller]
+fn json(command: &mut Command) -> Value {
+    let output = succeed(command);
+    let mut values = serde_json::Deserializer::from_slice(&output.stdout).into_iter();
+    let value = values.next().expect("an object").expect("valid JSON");
+    assert!(values.next().is_none(), "more than one value on standard output");
+    value
+}
+
+#[test]
+fn solve_reports_in_json_and_writes_every_format() {
+    let folder = Folder::new();
+    let mut command = solve_cube();
+    command.args(["--json", "--width", "32", "--height", "24"]);
+    for output in &hatbox::io::OUTPUTS {
+        command.arg("-o").arg(folder.path(&format!("out.{}", output.extension)));
+    }
+    let report = json(&mut command);
+    let keys = "/elements /dofs /basis /continuity /bands /operator/kind /operator/bytes /operator/rays \
+                /operator/pairs /operator/seconds /operator/quadrature_error /operator/visibility_error \
+                /solver/kind /solver/iterations /solver/residual /solver/seconds /energy/emitted /energy/leaving \
+                /energy/absorbed /energy/escaped /energy/defect /closure/escape /closure/deficit /closure/balanced \
+                /error/estimate /error/residual /seconds /peak_bytes /outputs /warnings";
+    for key in keys.split(' ') {
+        assert!(report.pointer(key).is_some(), "{key} is missing in {report:#}");
+    }
+    assert_eq!((&report["error"]["kind"], &report["continuity"]), (&"estimated".into(), &"continuous".into()));
+    assert!(report["energy"]["defect"].as_f64().is_some_and(|defect| defect < 1e-9));
+    assert_eq!(folder.names().len(), hatbox::io::OUTPUTS.len());
+    assert_eq!(report["outputs"].as_array().map(Vec::len), Some(hatbox::io::OUTPUTS.len()));
+}
+
+#[test]
+fn solve_tells_people_what_it_did() {
+    let output = succeed(&mut solve_cube());
+    let summary = text(&output.stdout);
+    let words =
+        ["Scene", "6 faces", "elements", "lm emitted", "pairs", "iterations", "estimated", "nothing; name files"];
+    for word in words {
+        assert!(summary.contains(word), "`{word}` is missing in\n{summary}");
+    }
+    assert!(!summary.contains('\x1b'), "no colours in a pipe");
+    assert!(output.stderr.is_empty(), "{}", text(&output.stderr));
+    assert!(succeed(solve_cube().arg("--quiet")).stdout.is_empty());
+}
+
+#[test]
+fn every_choice_of_the_library_can_be_made() {
+    let operators = hatbox::exchange::ALL.iter().map(|kind| kind.name).chain(["auto"]);
+    let solvers = hatbox::solve::ALL.iter().map(|solver| solver.name).chain(["auto"]);
+    let continuities = hatbox::space::Continuity::NAMES.map(|(name, _)| name);
+    let choices: [(&str, Vec<&str>); 4] = [
+        ("--basis", hatbox::element::ALL.iter().map(|basis| basis.name).collect()),
+        ("--operator", operators.collect()),
+        ("--solver", solvers.collect()),
+        ("--continuity", continuities.to_vec()),
+    ];
+    let help = text(&succeed(hatbox().args(["solve", "--help"])).stdout);
+    for (option, names) in choices {
+        for name in names {
+            assert!(help.contains(name), "{name} is not in the help");
+            let report = json(solve_cube().args([option, name, "--json"]));
+            assert!(report["elements"].as_u64().is_some_and(|elements| elements >= 24), "{option} {name}");
+        }
+    }
+    for extension in hatbox::io::OUTPUTS.iter().map(|output| output.extension) {
+        assert!(help.contains(&format!(".{extension} ")), "{extension} is not in the help");
+    }
+}
+
+#[test]
+fn lengths_and_tolerances_are_understood() {
+    let mut command = hatbox();
+    command.arg("solve").arg(sample(CUBE)).args(["--max-edge", "50 cm", "--basis", "bilinear"]);
+    let report = json(command.args(["--tolerance", "2%", "--json"]));
+    assert_eq!(report["elements"], 24);
+}
+
+#[test]
+fn the_number_of_threads_does_not_change_a_bit() {
+    let folder = Folder::new();
+    let solve = |threads: &str| {
+        let path = folder.path(&format!("{threads}.npz"));
+        let mut command = hatbox();
+        command.arg("solve").arg(sample("cornell-box.glb")).args(["--elements", "150", "--threads", threads]);
+        succeed(command.arg("-o").arg(&path));
+        std::fs::read(path).expect("the solution")
+    };
+    assert!(solve("1") == solve("2"));
+}
+
+#[test]
+fn factors_of_the_cube() {
+    let folder = Folder::new();
+    let outputs = ["f.npz", "f.mtx", "f.csv"].map(|name| folder.path(name));
+    let mut command = hatbox();
+    command.arg("factors").arg(sample(CUBE)).args(["--json", "--tolerance", "1e-6"]);
+    for output in &outputs {
+        command.arg("-o").arg(output);
+    }
+    let report = json(&mut command);
+    assert_eq!((report["elements"].as_u64(), report["closed"].as_bool()), (Some(6), Some(true)));
+    for key in ["max_row_sum_error", "max_reciprocity_error"] {
+        assert!(report[key].as_f64().is_some_and(|error| error < 1e-5), "{key}: {report:#}");
+    }
+    assert!(report["rays"].is_u64() && report["seconds"].is_f64());
+    assert!(outputs.iter().all(|output| output.metadata().is_ok_and(|file| file.len() > 0)));
+    let summary = text(&succeed(hatbox().arg("factors").arg(sample(CUBE)).arg("--groups=material")).stdout);
+    assert!(summary.contains("in 2 groups") && summary.contains("ceiling"), "{summary}");
+}
+
+#[test]
+fn check_finds_dark_rooms() {
+    let report = json(hatbox().arg("check").arg(sample("cornell-box.glb")).arg("--json"));
+    assert_eq!((report["ok"].as_bool(), report["lighting"]["dark"].as_u64()), (Some(true), Some(0)));
+    let report = json(hatbox().arg("check").arg(sample("two-rooms-walled.glb")).arg("--json"));
+    let dark = report["findings"].as_array().and_then(|found| found.iter().find(|f| f["kind"] == "unlit"));
+    assert!(dark.is_some_and(|dark| dark["count"].as_u64() > Some(0)), "{report:#}");
+    let folder = Folder::new();
+    let unlit = folder.file("unlit.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n");
+    assert!(text(&succeed(hatbox().arg("check").arg(unlit)).stdout).contains("nothing emits"));
+}
+
+#[test]
+fn shells_complete_commands() {
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let script = text(&succeed(hatbox().args(["completions", shell])).stdout);
+        assert!(script.contains("factors"), "{shell}");
+    }
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_failure() {
+    let mut command = hatbox();
+    command.args(["completions", "bash"]).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("the binary runs");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("it ends");
+    assert!(output.status.success() && output.stderr.is_empty(), "{}", text(&output.stderr));
+}
