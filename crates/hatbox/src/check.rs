@@ -7,7 +7,9 @@
 
 use crate::assemble::Panel;
 use crate::element::ALL;
+use crate::exchange::{Geometry, escape};
 use crate::mesh::{Finding, Mesh, Severity, diagnose_sheets};
+use crate::progress::Silent;
 use crate::quadrature::sequence::{hash, point};
 use crate::scene::{Material, Physics, Scene, SceneError, Warning};
 use crate::space::FunctionSpace;
@@ -92,6 +94,8 @@ impl Lighting {
         let panels = Panel::of(&scene.mesh, &space);
         let blockers = Bvh::of_surfaces(&scene.surfaces);
         let sides = Sides::of(scene, &panels, &blockers);
+        let geometry = Geometry { panels: &panels, surfaces: &scene.surfaces, blockers: &blockers };
+        let escape = escape(&geometry, scene, 0, &Silent).ok()?;
         let lit = sides.lit();
         let dark: Vec<usize> = (0..panels.len()).filter(|&cell| !lit[sides.of_cell[cell]]).collect();
         let area = |cells: &[usize]| cells.iter().map(|&cell| panels[cell].area()).sum::<f64>();
@@ -102,7 +106,7 @@ impl Lighting {
             dark: dark_sides,
             dark_area: area(&dark) / scene.mesh.area(),
             examples: dark.iter().take(EXAMPLES).map(|&cell| dark_face(scene, cell)).collect(),
-            escape: crate::exchange::escape(&panels, scene, &blockers, 0),
+            escape,
         })
     }
 }

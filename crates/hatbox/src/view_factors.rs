@@ -122,7 +122,7 @@ impl ViewFactors {
         let geometry = Geometry { panels: &panels, surfaces: &scene.surfaces, blockers: &blockers };
         let params = exchange::Params { seed: options.seed, ..exchange::Params::new(options.tolerance) };
         let dense = Dense::new(&geometry, &params, progress)?;
-        let escape = exchange::escape(&panels, &scene, &blockers, options.seed);
+        let escape = exchange::escape(&geometry, &scene, options.seed, progress).map_err(ExchangeError::from)?;
         let (elements, statistics) = (panels.len(), dense.statistics());
         let (surfaces, areas) = match options.between {
             Between::Elements => (element_surfaces(&scene), Areas::Elements(dense)),

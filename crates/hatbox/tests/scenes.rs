@@ -98,7 +98,7 @@ fn irradiance_beyond(solved: &Solved) -> ([f64; 2], [f64; 2]) {
 fn with_the_door_walled_up_the_far_room_is_exactly_dark() {
     let (far, near) = irradiance_beyond(&two_rooms("../../scenes/two-rooms-walled.glb"));
     assert!(near[1] > 0.0, "the first room is lit: {near:?}");
-    assert_eq!(far, [0.0, 0.0], "the second is not");
+    assert!(far.iter().all(|&e| e == 0.0), "the second is not: {far:?}");
 }
 
 #[test]

@@ -5,5 +5,5 @@ mod pair;
 mod panel;
 
 pub use forms::{function_weighted_mass, load, mass, weighted_mass};
-pub use pair::{Accuracy, Block, Sight, Facing, facing_block, pair_block, point_row};
+pub use pair::{Accuracy, Block, Facing, Sight, facing_block, pair_block, point_row};
 pub use panel::Panel;

@@ -6,16 +6,16 @@
 //! nodal basis of constants D is a diagonal matrix, and this is the symmetric scaling of matrices (R. Sinkhorn 1964);
 //! for quadratics, whose vertex functions have the mean 0, a diagonal matrix would not do.
 
-use super::{Exchange, Statistics};
+use super::{Exchange, Geometry, Statistics};
 use crate::assemble::{Panel, function_weighted_mass};
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
-use crate::progress::Silent;
+use crate::progress::{Interrupted, Progress, Silent};
 use crate::quadrature::sequence::{hash, point};
 use crate::scene::Scene;
 use crate::solve::{self, cg};
 use crate::space::FunctionSpace;
-use crate::visibility::Bvh;
 use glam::DVec3;
+use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// A scene is scaled only where the row sums are off by less than this; larger deficits are an error to be found.
@@ -172,21 +172,24 @@ fn cell_deficit(space: &FunctionSpace, target: &MultiVector, sums: &MultiVector)
 
 /// The fraction of the light of uniformly glowing panels that leaves the scene: cosine rays from every panel, weighted by
 /// area, that hit nothing or end on a face whose back they meet.
-pub fn escape(panels: &[Panel], scene: &Scene, blockers: &Bvh, seed: u64) -> f64 {
+///
+/// # Errors
+/// [`Interrupted`].
+pub fn escape(geometry: &Geometry<'_>, scene: &Scene, seed: u64, progress: &dyn Progress) -> Result<f64, Interrupted> {
     let two_sided = two_sided_surfaces(scene);
-    let (mut lost, mut total) = (0.0, 0.0);
-    for (index, panel) in panels.iter().enumerate() {
+    let lost = |(index, panel): (usize, &Panel)| {
         let set = hash(seed ^ 0x6573_6361, index as u64);
-        let escapes = |k: &u32| {
-            let p = point(set, *k);
-            let (origin, direction) = cosine_ray(panel, p);
-            let hit = blockers.closest_hit(origin, direction, f64::INFINITY, |id, _| id != panel.surface);
+        let escapes = |&k: &u32| {
+            let (origin, direction) = cosine_ray(panel, point(set, k));
+            let hit = geometry.blockers.closest_hit(origin, direction, f64::INFINITY, |id, _| id != panel.surface);
             !hit.is_some_and(|hit| hit.front || two_sided[hit.id as usize])
         };
-        lost += panel.area() * (0..ESCAPE_RAYS).filter(escapes).count() as f64 / f64::from(ESCAPE_RAYS);
-        total += panel.area();
-    }
-    if total > 0.0 { lost / total } else { 0.0 }
+        let rays = (0..ESCAPE_RAYS).filter(escapes).count() as f64;
+        if progress.interrupted() { Err(Interrupted) } else { Ok(panel.area() * rays / f64::from(ESCAPE_RAYS)) }
+    };
+    let lost: Vec<f64> = geometry.panels.par_iter().enumerate().map(lost).collect::<Result<_, _>>()?;
+    let area: f64 = geometry.panels.iter().map(Panel::area).sum();
+    Ok(if area > 0.0 { lost.iter().sum::<f64>() / area } else { 0.0 })
 }
 
 /// Which faces of the input have two sides.

@@ -208,9 +208,7 @@ impl Builder<'_> {
         let block = |sight| facing_block(a, b, &facing, sight, strengths, &self.accuracy);
         let block = match between {
             Between::Clear => block(Sight::Clear),
-            Between::Some(candidates) => {
-                block(Sight::Partial(&|x, y| blockers.occluded_by(x, y, candidates)))
-            }
+            Between::Some(candidates) => block(Sight::Partial(&|x, y| blockers.occluded_by(x, y, candidates))),
             Between::Many => block(Sight::Partial(&through_tree)),
         };
         (block.sum() != 0.0).then_some(block)

@@ -216,7 +216,7 @@ impl System {
         let mass_inverse = mass.inverse().ok_or(Error::Degenerate)?;
         let geometry = Geometry { panels: &panels, surfaces: &scene.surfaces, blockers: &blockers };
         let exchange = (kind.build)(&geometry, params, progress)?;
-        let escape = exchange::escape(&panels, &scene, &blockers, params.seed);
+        let escape = exchange::escape(&geometry, &scene, params.seed, progress).map_err(ExchangeError::from)?;
         let exchange = Balanced::new(exchange, &scene, &space, &mass, &mass_inverse, escape);
         let join = Join::of(&space);
         let preconditioner = preconditioner(&join, &mass, &mass_inverse);

@@ -17,6 +17,10 @@ const SETS: usize = 4;
 /// Rays of each set in the first round; each further round doubles them.
 const FIRST: u32 = 4;
 
+/// Standard errors in the error estimate: four sets say little of the spread, and stopping when it looks small makes it
+/// look smaller.
+const CONFIDENCE: f64 = 2.0;
+
 /// Two panels whose sight is to be sampled, and how accurately.
 pub(super) struct Sampling<'a> {
     pub(super) a: &'a Panel,
@@ -45,7 +49,7 @@ impl Sampling<'_> {
                     sums.add(set, x, y, self, hides);
                 }
             }
-            let error = total * sums.standard_error();
+            let error = CONFIDENCE * total * sums.standard_error();
             if error <= allowed || sums.samples >= self.accuracy.max_rays {
                 return Block { visibility_error: error, rays: sums.samples, ..sums.combine(unoccluded) };
             }

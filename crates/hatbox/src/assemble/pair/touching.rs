@@ -6,23 +6,23 @@ use crate::element::MAX_DOFS;
 use crate::kernel::geometric;
 use crate::quadrature::transform::{Contact, TouchingRule, touching_rule};
 use glam::DVec3;
-use std::sync::LazyLock;
+use std::sync::OnceLock;
 
 /// The orders that are tried; each is checked by the next.
 const ORDERS: [usize; 6] = [3, 5, 7, 9, 12, 16];
 /// Largest total degree of N_i N_j.
 const MAX_DEGREE: usize = 4;
 
-/// Rules by (contact, total degree of the shape functions, order).
-static RULES: LazyLock<Vec<Vec<Vec<LazyLock<TouchingRule, Box<dyn FnOnce() -> TouchingRule + Send>>>>>> =
-    LazyLock::new(|| {
-        let rule = |contact, degree, n| {
-            LazyLock::new(Box::new(move || touching_rule(contact, degree, n)) as Box<dyn FnOnce() -> _ + Send>)
-        };
-        let orders = |contact, degree| ORDERS.iter().map(|&n| rule(contact, degree, n)).collect();
-        let degrees = |contact| (0..=MAX_DEGREE).map(|degree| orders(contact, degree)).collect();
-        vec![degrees(Contact::Vertex), degrees(Contact::Edge)]
-    });
+/// A rule that is made when it is first asked for.
+type Lazy = OnceLock<TouchingRule>;
+
+/// Rules by contact, total degree of the shape functions and order.
+static RULES: [[[Lazy; ORDERS.len()]; MAX_DEGREE + 1]; 2] =
+    [const { [const { [const { OnceLock::new() }; ORDERS.len()] }; MAX_DEGREE + 1] }; 2];
+
+fn rule(contact: Contact, degree: usize, order: usize) -> &'static TouchingRule {
+    RULES[contact as usize][degree][order].get_or_init(|| touching_rule(contact, degree, ORDERS[order]))
+}
 
 /// Whether two panels have a corner in common.
 pub(super) fn shares_a_corner(a: &Panel, b: &Panel) -> bool {
@@ -73,10 +73,9 @@ fn transformed(
     accuracy: &Accuracy,
 ) -> Option<Block> {
     let degree = [a, b].map(polynomial_degree).iter().sum::<usize>();
-    let rules = &RULES[usize::from(contact == Contact::Edge)][degree];
-    let mut previous = apply(&rules[0], a, s, b, t);
-    for rule in &rules[1..] {
-        let mut block = apply(rule, a, s, b, t);
+    let mut previous = apply(rule(contact, degree, 0), a, s, b, t);
+    for order in 1..ORDERS.len() {
+        let mut block = apply(rule(contact, degree, order), a, s, b, t);
         block.quadrature_error = block.distance(&previous);
         if block.quadrature_error <= accuracy.budget(a, b, block.sum()) {
             return Some(block);
