@@ -19,6 +19,8 @@ const MAX_BYTES: usize = 16 << 30;
 const RUNS: usize = 32;
 /// More possible blockers than this between two cells are not listed; rays then search the whole tree.
 const MAX_CANDIDATES: usize = 48;
+/// So many of the listed blockers are tried for hiding the whole view.
+const MAX_HIDERS: usize = 8;
 
 /// The upper triangle of S.
 #[derive(Debug)]
@@ -183,8 +185,11 @@ impl Builder<'_> {
         let mut sights = Sights::new(self.geometry, &self.panels[i]);
         for j in i + 1..self.panels.len() {
             let Some(block) = self.block(i, j, &mut sights) else { continue };
-            row.pairs += 1;
             row.rays += u64::from(block.rays);
+            if block.sum() == 0.0 {
+                continue;
+            }
+            row.pairs += 1;
             row.clear_pairs += u64::from(block.rays == 0);
             row.errors.push((j as u32, block.quadrature_error as f32, block.visibility_error.powi(2) as f32));
             let columns = self.panels[j].element.dofs();
@@ -197,7 +202,7 @@ impl Builder<'_> {
         row
     }
 
-    /// The block of a pair, `None` if they do not see each other.
+    /// The block of a pair, `None` if they are known not to see each other.
     fn block(&self, i: usize, j: usize, sights: &mut Sights<'_>) -> Option<Block> {
         let (a, b) = (&self.panels[i], &self.panels[j]);
         let strengths = [self.params.strength(j), self.params.strength(i)];
@@ -211,7 +216,7 @@ impl Builder<'_> {
             Between::Some(candidates) => block(Sight::Partial(&|x, y| blockers.occluded_by(x, y, candidates))),
             Between::Many => block(Sight::Partial(&through_tree)),
         };
-        (block.sum() != 0.0).then_some(block)
+        Some(block)
     }
 }
 
@@ -240,7 +245,7 @@ impl<'a> Sights<'a> {
         Self { geometry, from, surface: None, to_surface, inherited: Vec::new(), candidates: Vec::new() }
     }
 
-    /// `None` if the panels face away from each other.
+    /// `None` if the panels face away from each other, or one face of the input hides them from each other.
     fn to(&mut self, other: &Panel) -> Option<(Facing, Between<'_>)> {
         let facing = Facing::new(&self.from.patch, &other.patch)?;
         if self.surface != Some(other.surface) {
@@ -263,8 +268,27 @@ impl<'a> Sights<'a> {
                 return Some((facing, Between::Many));
             }
         }
-        let between = if self.candidates.is_empty() { Between::Clear } else { Between::Some(&self.candidates) };
-        Some((facing, between))
+        if self.candidates.is_empty() {
+            return Some((facing, Between::Clear));
+        }
+        if self.is_hidden(&shaft) {
+            return None;
+        }
+        Some((facing, Between::Some(&self.candidates)))
+    }
+
+    /// Whether one of the candidates' faces covers the whole view.
+    fn is_hidden(&self, shaft: &Shaft) -> bool {
+        let mut tried = u32::MAX;
+        self.candidates.iter().take(MAX_HIDERS).any(|&candidate| {
+            let Some((_, surface)) = self.geometry.blockers.triangle(candidate) else { return false };
+            // The triangles of a face often follow each other.
+            if std::mem::replace(&mut tried, surface) == surface {
+                return false;
+            }
+            let face = &self.geometry.surfaces[surface as usize];
+            shaft.fully_blocked_by(face.corners())
+        })
     }
 
     /// Finds what may stand between the cell and the whole face that another belongs to.

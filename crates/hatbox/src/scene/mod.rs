@@ -47,6 +47,11 @@ pub struct Surface {
 }
 
 impl Surface {
+    /// The corners, three or four.
+    pub fn corners(&self) -> &[DVec3] {
+        &self.corners[..if self.corners[2] == self.corners[3] { 3 } else { 4 }]
+    }
+
     /// Its geometry, seen from the side that `normal` points to.
     pub fn patch(&self, normal: DVec3) -> Patch {
         let [a, b, c, d] = self.corners;
