@@ -283,8 +283,7 @@ impl System {
     }
 
     /// The solution whose radiosity has these broken coefficients. E is the projection Δ⁻¹ S b of what arrives onto the
-    /// *broken* space, joined or not: where shadows have sharp edges (something stands on a floor) it is a third more
-    /// accurate than on hats, and costs no solve.
+    /// *broken* space, joined or not: more accurate than on hats where shadows have sharp edges, and it costs no solve.
     fn solution(&self, radiosity: MultiVector) -> Solution {
         let irradiance = self.mass_inverse.times(&self.exchange.times(&radiosity));
         Solution { scene: self.scene.clone(), space: self.space.clone(), radiosity, irradiance }

@@ -2,8 +2,8 @@
 //!
 //! With the mean visibility V̄ = ΣVG/ΣG over the samples, S = V̄ S⁰ + (s⁰/ΣG) Σ(V − V̄) G N Nᵀ, where S⁰ is the
 //! unoccluded block and s⁰ its sum. Clear pairs get S⁰ exactly, hidden ones 0 exactly, and the part that sampling has to
-//! find is only how the shadow lies. Plain sampling of the block, without S⁰, was four times as noisy; one number V̄ per
-//! pair puts the shadow's light in the wrong corner.
+//! find is only how the shadow lies. Sampling the block itself would add the noise of
+//! G to that of V; one number V̄ per pair would put the shadow's light in the wrong corner.
 
 use super::{Accuracy, Block, Facing};
 use crate::assemble::Panel;
