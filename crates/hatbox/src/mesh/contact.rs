@@ -114,7 +114,8 @@ impl Mesh {
     fn triangulated_along(&self, net: &Net, tolerance: f64) -> Option<Vec<[Corner; 3]>> {
         let corners = &self.corners(net.cell)[..self.cells[net.cell].shape.corners()];
         let mut vertices: Vec<u32> = corners.iter().map(|corner| corner.vertex).collect();
-        let edges: Vec<[u32; 2]> = (0..corners.len()).map(|k| [vertices[k], vertices[(k + 1) % corners.len()]]).collect();
+        let edges: Vec<[u32; 2]> =
+            (0..corners.len()).map(|k| [vertices[k], vertices[(k + 1) % corners.len()]]).collect();
         vertices.extend(net.lines.iter().flatten().chain(&net.crossings));
         vertices.sort_unstable();
         vertices.dedup();
