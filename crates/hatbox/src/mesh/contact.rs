@@ -56,7 +56,9 @@ impl Mesh {
         for (index, cell) in mesh.cells.iter().enumerate() {
             let net = nets.next_if(|net| net.cell == index);
             if let Some(triangles) = net.and_then(|net| mesh.triangulated_along(net, tolerance)) {
-                triangles.iter().for_each(|triangle| builder.push(cell, triangle));
+                for triangle in triangles {
+                    builder.push(cell, &triangle);
+                }
                 split += 1;
             } else {
                 builder.push(cell, &mesh.corners(index)[..cell.shape.corners()]);
@@ -74,7 +76,8 @@ impl Mesh {
         let patches: Vec<Patch> = (0..self.cells.len()).into_par_iter().map(|cell| self.patch(cell)).collect();
         let boxes: Vec<Bounds> = patches.iter().map(|p| box_tree::bounds(p.corners().iter().copied())).collect();
         let tree = BoxTree::new(&boxes, (0..self.cells.len() as u32).collect());
-        let of = |cell: usize| {
+        let of = |&cell: &u32| {
+            let cell = cell as usize;
             let (lo, hi) = boxes[cell];
             let around = (lo - tolerance, hi + tolerance);
             let near = |b: &Bounds| overlap(&around, b);
@@ -89,7 +92,9 @@ impl Mesh {
             let lines: Vec<Line> = found.into_iter().map(|(_, line)| line).collect();
             (!lines.is_empty()).then(|| Cut { cell, crossings: crossings(&Frame::of(&patches[cell]), &lines), lines })
         };
-        (0..self.cells.len()).into_par_iter().filter_map(of).collect()
+        let mut cuts: Vec<Cut> = tree.items().par_iter().filter_map(of).collect();
+        cuts.sort_unstable_by_key(|cut| cut.cell);
+        cuts
     }
 
     /// The mesh with a vertex for every point of the cuts; points within the tolerance of each other share one.

@@ -144,13 +144,13 @@ impl Scene {
         let (mesh, joints) = mesh.conformed(tolerance);
         let (mesh, contacts) = mesh.split_at_contacts(tolerance);
         let mesh = with_backs(&mesh, &materials);
-        let repairs: [(usize, fn(usize) -> Warning); 4] = [
-            (degenerate, Warning::Degenerate),
-            (split, Warning::SplitQuads),
-            (joints, Warning::TJunctions),
-            (contacts, Warning::Contacts),
+        let warnings = [
+            (degenerate, Warning::Degenerate(degenerate)),
+            (split, Warning::SplitQuads(split)),
+            (joints, Warning::TJunctions(joints)),
+            (contacts, Warning::Contacts(contacts)),
         ];
-        let warnings = repairs.into_iter().filter(|&(n, _)| n > 0).map(|(n, warning)| warning(n)).collect();
+        let warnings = warnings.into_iter().filter(|&(n, _)| n > 0).map(|(_, warning)| warning).collect();
         Ok(Self { mesh, materials, surfaces: surfaces.into(), bands, physics, camera, warnings })
     }
 
