@@ -19,6 +19,9 @@ use glam::DVec3;
 /// surface meet at less (a cylinder of twelve sides just so); the edges that are meant as edges at more.
 pub const CREASE_ANGLE: f64 = std::f64::consts::PI / 6.0;
 
+/// A cell that is turned by less than this, 1°, against another at the same edge lies on it and does not stand on it.
+const COPLANAR_ANGLE: f64 = std::f64::consts::PI / 180.0;
+
 /// Where functions are continuous.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Continuity {
@@ -26,7 +29,8 @@ pub enum Continuity {
     Broken,
     /// Across an edge whose two cells run through it in opposite directions, are turned against each other by no more
     /// than the crease angle (as are the normals that the file gives at the edge's ends), and reflect and emit the same.
-    /// Where more than two cells meet, the flattest pairs are joined first; the two sides of a sheet never.
+    /// Where more than two cells meet, the flattest pairs are joined first; the two sides of a sheet never, nor cells with
+    /// another standing on their edge in front of them: the light jumps across its foot.
     Continuous {
         /// The greatest angle between the normals, in radians.
         crease_angle: f64,
@@ -182,6 +186,7 @@ fn joints(scene: &Scene, crease_angle: f64) -> Vec<[Side; 2]> {
         let pairs = sides.iter().enumerate().flat_map(|(i, a)| sides[i + 1..].iter().map(move |b| [*a, *b]));
         let mut candidates: Vec<(f64, [Side; 2])> =
             pairs.filter_map(|pair| Some((bend(scene, pair, crease_angle)?, pair))).collect();
+        candidates.retain(|(_, pair)| !parted(&scene.mesh, sides, *pair));
         // Stable, so that equally flat pairs stay in the order of their cells.
         candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
         let first = joints.len();
@@ -207,6 +212,23 @@ fn bend(scene: &Scene, [a, b]: [Side; 2], crease_angle: f64) -> Option<f64> {
         && scene.same_material(cells[cell].material, cells[other].material)
         && split_normals(&scene.mesh, a, b) <= crease_angle;
     joined.then_some(angle)
+}
+
+/// Whether another cell stands on the edge between two, in front of both. The cells around the edge are told apart by
+/// the angle through which the first must be turned to become them, on its lit side.
+fn parted(mesh: &Mesh, sides: &[Side], [a, b]: [Side; 2]) -> bool {
+    let into = |side: Side| {
+        let patch = mesh.patch(side.cell as usize);
+        let (corners, k) = (patch.corners(), usize::from(side.edge));
+        patch.normal().cross(corners[(k + 1) % corners.len()] - corners[k])
+    };
+    let (x, y) = (into(a).normalize_or_zero(), mesh.patch(a.cell as usize).normal());
+    let turn = |side: Side| {
+        let direction = into(side);
+        direction.dot(y).atan2(direction.dot(x)).rem_euclid(std::f64::consts::TAU)
+    };
+    let between = COPLANAR_ANGLE..turn(b) - COPLANAR_ANGLE;
+    sides.len() > 2 && sides.iter().any(|&side| between.contains(&turn(side)))
 }
 
 /// The greatest angle between the normals that the file gives two cells at the ends of an edge; 0 if it gives none.

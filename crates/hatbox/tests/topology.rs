@@ -403,16 +403,19 @@ fn a_smooth_sphere_is_one_surface() {
 }
 
 #[test]
-fn four_walls_that_meet_in_a_line_are_joined_in_flat_pairs() {
-    // A floor and a wall that cross: each side of each is continuous across the line.
+fn four_walls_that_meet_in_a_line_are_joined_only_behind_each_other() {
+    // A floor and a wall that cross: each side of each is cut in two by the other.
     let mut mesh = Mesh::default();
     let along = DVec3::Y;
-    for (a, b) in [(-DVec3::X, DVec3::ZERO), (DVec3::ZERO, DVec3::X), (-DVec3::Z, DVec3::ZERO), (DVec3::ZERO, DVec3::Z)]
-    {
-        face(&mut mesh, &[a, b, b + along, a + along], 0);
+    let halves = [(-DVec3::X, DVec3::ZERO), (DVec3::ZERO, DVec3::X), (-DVec3::Z, DVec3::ZERO), (DVec3::ZERO, DVec3::Z)];
+    for (count, hats_expected) in [(2, 2 * 6), (3, 6 + 4 * 4), (4, 8 * 4)] {
+        mesh.cells.clear();
+        for &(a, b) in &halves[..count] {
+            face(&mut mesh, &[a, b, b + along, a + along], 0);
+        }
+        let sheet = Material { two_sided: true, ..Material::diffuse("sheet", 0.5) };
+        assert_eq!(hats(&scene(mesh.clone(), vec![sheet]), "bilinear"), hats_expected, "{count}");
     }
-    let sheet = Material { two_sided: true, ..Material::diffuse("sheet", 0.5) };
-    assert_eq!(hats(&scene(mesh, vec![sheet]), "bilinear"), 4 * 6);
 }
 
 #[test]

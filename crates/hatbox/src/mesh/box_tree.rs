@@ -42,6 +42,11 @@ impl BoxTree {
         Self { nodes, items }
     }
 
+    /// The items, neighbours near each other: searches in this order find most of what they need in the cache.
+    pub(crate) fn items(&self) -> &[u32] {
+        &self.items
+    }
+
     /// Calls `found` with the index of every box in the leaves for which, and for whose parents, `enter` holds.
     pub(crate) fn visit(&self, enter: impl Fn(&Bounds) -> bool, mut found: impl FnMut(u32)) {
         let mut stack = Vec::from_iter((!self.nodes.is_empty()).then_some(0));

@@ -109,7 +109,7 @@ impl Mesh {
 }
 
 /// How far along the segment a point lies, as a fraction, if it is in its interior.
-fn position_on(from: DVec3, to: DVec3, point: DVec3, tolerance: f64) -> Option<f64> {
+pub(super) fn position_on(from: DVec3, to: DVec3, point: DVec3, tolerance: f64) -> Option<f64> {
     let along = to - from;
     let t = (point - from).dot(along) / along.length_squared();
     let inside = t > 0.0 && t < 1.0 && point.distance(from) > tolerance && point.distance(to) > tolerance;
@@ -117,7 +117,7 @@ fn position_on(from: DVec3, to: DVec3, point: DVec3, tolerance: f64) -> Option<f
 }
 
 /// Whether a segment passes a box no further than `tolerance` away (in the maximum norm).
-fn segment_meets(from: DVec3, to: DVec3, (lo, hi): &Bounds, tolerance: f64) -> bool {
+pub(super) fn segment_meets(from: DVec3, to: DVec3, (lo, hi): &Bounds, tolerance: f64) -> bool {
     let (lo, hi) = (*lo - tolerance, *hi + tolerance);
     let along = to - from;
     let (mut enter, mut leave) = (0.0_f64, 1.0_f64);

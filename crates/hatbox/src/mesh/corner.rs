@@ -80,6 +80,16 @@ impl Mesh {
         })
     }
 
+    /// The corner of a part of a cell at a vertex within the cell.
+    pub(crate) fn corner_within(&self, cell: usize, vertex: u32) -> Corner {
+        let position = self.vertices[vertex as usize];
+        let weights = self.cells[cell].shape.corner_weights(self.patch(cell).locate(position));
+        let corners = self.corners(cell);
+        let weighted = || corners.iter().zip(weights);
+        let normal = weighted().map(|(corner, w)| corner.normal * w).sum::<DVec3>().normalize_or_zero();
+        Corner { vertex, position, uv: weighted().map(|(corner, w)| corner.uv * w).sum(), normal }
+    }
+
     /// Every quad split into two triangles along its diagonal 0–2; the two follow each other in the quad's place.
     #[must_use]
     pub fn triangulated(&self) -> Self {

@@ -7,6 +7,7 @@
 
 mod box_tree;
 mod conform;
+mod contact;
 mod corner;
 mod diagnose;
 mod intersect;

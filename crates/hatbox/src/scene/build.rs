@@ -2,7 +2,8 @@
 //!
 //! What has only one sensible repair is repaired and noted as a [`Warning`]; what has none is a [`SceneError`] that names
 //! the place and the remedy. The order matters: quads are tested for planarity after welding has moved their corners, and
-//! the faces that block light are recorded before T-junctions cut them up, so that a ray meets as few as possible.
+//! the faces that block light are recorded before T-junctions and contacts cut them up, so that a ray meets as few as
+//! possible.
 
 use super::{Camera, Material, Physics, Quantity, Scene, Surface};
 use crate::element::{Basis, Shape};
@@ -96,6 +97,8 @@ pub enum Warning {
     SplitQuads(usize),
     /// So many edges had other faces' vertices on them.
     TJunctions(usize),
+    /// So many faces had others standing on them or passing through them.
+    Contacts(usize),
 }
 
 impl fmt::Display for Warning {
@@ -104,6 +107,7 @@ impl fmt::Display for Warning {
             Self::Degenerate(n) => write!(f, "left out {n} faces that have no area"),
             Self::SplitQuads(n) => write!(f, "split {n} quads into triangles because they are not planar and convex"),
             Self::TJunctions(n) => write!(f, "split {n} edges at vertices of other faces that lie on them"),
+            Self::Contacts(n) => write!(f, "split {n} faces along the lines in which others touch or cross them"),
         }
     }
 }
@@ -138,10 +142,15 @@ impl Scene {
             surfaces.push(Surface { corners: mesh.corners(index).map(|corner| corner.position) });
         }
         let (mesh, joints) = mesh.conformed(tolerance);
+        let (mesh, contacts) = mesh.split_at_contacts(tolerance);
         let mesh = with_backs(&mesh, &materials);
-        let warnings = [Warning::Degenerate(degenerate), Warning::SplitQuads(split), Warning::TJunctions(joints)];
-        let counts = [degenerate, split, joints];
-        let warnings = warnings.into_iter().zip(counts).filter(|&(_, n)| n > 0).map(|(w, _)| w).collect();
+        let warnings = [
+            (degenerate, Warning::Degenerate(degenerate)),
+            (split, Warning::SplitQuads(split)),
+            (joints, Warning::TJunctions(joints)),
+            (contacts, Warning::Contacts(contacts)),
+        ];
+        let warnings = warnings.into_iter().filter(|&(n, _)| n > 0).map(|(_, warning)| warning).collect();
         Ok(Self { mesh, materials, surfaces: surfaces.into(), bands, physics, camera, warnings })
     }
 

@@ -1,0 +1,319 @@
+//! Splitting cells along the lines in which others stand on them or pass through them.
+//!
+//! A block that stands on a floor throws the floor under it into the dark, and the light on the floor jumps along the
+//! block's feet. No function of the floor's own mesh can jump there, so the floor must have edges there. Each cell is
+//! cut along its contacts by a constrained Delaunay triangulation; the points in which contacts end and cross are welded
+//! over the whole mesh before any cell is cut, so that what touches shares its vertices afterwards.
+
+use super::box_tree::{self, Bounds, BoxTree};
+use super::conform::{position_on, segment_meets};
+use super::corner::{Builder, Corner};
+use super::weld::distinct;
+use super::{Mesh, Patch};
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
+
+type Line = [DVec3; 2];
+
+/// Lines that are closer to parallel than this (as a sine) are not asked where they cross; their ends tell where they
+/// meet.
+const PARALLEL: f64 = 1e-9;
+
+/// What a cell is to be cut along.
+struct Cut {
+    cell: usize,
+    lines: Vec<Line>,
+    crossings: Vec<DVec3>,
+}
+
+/// The same with vertices for points.
+struct Net {
+    cell: usize,
+    lines: Vec<[u32; 2]>,
+    crossings: Vec<u32>,
+}
+
+impl Mesh {
+    /// Splits every cell along the lines in which cells of other planes touch it or pass through it, and tells how many
+    /// cells were split. Lines no longer than `tolerance` (metres) and lines that run along the cell's own edges do not
+    /// count. Material, group and surface of a cell pass to its triangles, which take its place; texture coordinates and
+    /// normals are interpolated.
+    ///
+    /// The mesh must be [welded](Self::welded) and [conforming](Self::conformed) with the same tolerance, and its quads
+    /// convex. So is the result: where a cell stands on another, they share vertices and edges. Without contacts it is
+    /// the mesh itself.
+    #[must_use]
+    pub fn split_at_contacts(&self, tolerance: f64) -> (Self, usize) {
+        let cuts = self.cuts(tolerance);
+        if cuts.is_empty() {
+            return (self.clone(), 0);
+        }
+        let (mesh, nets) = self.with_points_of(&cuts, tolerance);
+        let mut builder = Builder::like(&mesh);
+        let mut nets = nets.iter().peekable();
+        let mut split = 0;
+        for (index, cell) in mesh.cells.iter().enumerate() {
+            let net = nets.next_if(|net| net.cell == index);
+            if let Some(triangles) = net.and_then(|net| mesh.triangulated_along(net, tolerance)) {
+                for triangle in triangles {
+                    builder.push(cell, &triangle);
+                }
+                split += 1;
+            } else {
+                builder.push(cell, &mesh.corners(index)[..cell.shape.corners()]);
+            }
+        }
+        if split == 0 {
+            return (self.clone(), 0);
+        }
+        let (mesh, _) = builder.finish().without_unused_vertices().conformed(tolerance);
+        (mesh, split)
+    }
+
+    /// The cells that others touch, in order, each with its lines.
+    fn cuts(&self, tolerance: f64) -> Vec<Cut> {
+        let patches: Vec<Patch> = (0..self.cells.len()).into_par_iter().map(|cell| self.patch(cell)).collect();
+        let boxes: Vec<Bounds> = patches.iter().map(|p| box_tree::bounds(p.corners().iter().copied())).collect();
+        let tree = BoxTree::new(&boxes, (0..self.cells.len() as u32).collect());
+        let of = |&cell: &u32| {
+            let cell = cell as usize;
+            let (lo, hi) = boxes[cell];
+            let around = (lo - tolerance, hi + tolerance);
+            let near = |b: &Bounds| overlap(&around, b);
+            let mut found: Vec<(u32, Line)> = Vec::new();
+            tree.visit(near, |other| {
+                if other as usize != cell && near(&boxes[other as usize]) {
+                    let line = contact_line(&patches[cell], &patches[other as usize], tolerance);
+                    found.extend(line.map(|line| (other, line)));
+                }
+            });
+            found.sort_unstable_by_key(|&(other, _)| other);
+            let lines: Vec<Line> = found.into_iter().map(|(_, line)| line).collect();
+            (!lines.is_empty()).then(|| Cut { cell, crossings: crossings(&Frame::of(&patches[cell]), &lines), lines })
+        };
+        let mut cuts: Vec<Cut> = tree.items().par_iter().filter_map(of).collect();
+        cuts.sort_unstable_by_key(|cut| cut.cell);
+        cuts
+    }
+
+    /// The mesh with a vertex for every point of the cuts; points within the tolerance of each other share one.
+    fn with_points_of(&self, cuts: &[Cut], tolerance: f64) -> (Self, Vec<Net>) {
+        let mut mesh = self.clone();
+        for cut in cuts {
+            mesh.vertices.extend(cut.lines.iter().flatten().chain(&cut.crossings));
+        }
+        let merged = mesh.merged_vertices(tolerance);
+        let mut points = &merged[self.vertices.len()..];
+        let net = |cut: &Cut| {
+            let (ends, others) = points.split_at(2 * cut.lines.len());
+            let (crossings, rest) = others.split_at(cut.crossings.len());
+            points = rest;
+            Net { cell: cut.cell, lines: ends.as_chunks().0.to_vec(), crossings: crossings.to_vec() }
+        };
+        let nets = cuts.iter().map(net).collect();
+        (mesh, nets)
+    }
+
+    /// The triangles of a cell that has the lines of the net among their edges; `None` if there is nothing to cut.
+    fn triangulated_along(&self, net: &Net, tolerance: f64) -> Option<Vec<[Corner; 3]>> {
+        let corners = &self.corners(net.cell)[..self.cells[net.cell].shape.corners()];
+        let mut vertices: Vec<u32> = corners.iter().map(|corner| corner.vertex).collect();
+        let edges: Vec<[u32; 2]> =
+            (0..corners.len()).map(|k| [vertices[k], vertices[(k + 1) % corners.len()]]).collect();
+        vertices.extend(net.lines.iter().flatten().chain(&net.crossings));
+        vertices.sort_unstable();
+        vertices.dedup();
+        let positions: Vec<DVec3> = vertices.iter().map(|&v| self.vertices[v as usize]).collect();
+        let local = |lines: &[[u32; 2]]| -> Vec<[usize; 2]> {
+            lines.iter().map(|ends| ends.map(|v| vertices.partition_point(|&u| u < v))).collect()
+        };
+        let boundary = pieces(&local(&edges), &positions, tolerance);
+        let mut inner = pieces(&local(&net.lines), &positions, tolerance);
+        inner.retain(|piece| boundary.binary_search(piece).is_err());
+        if inner.is_empty() {
+            return None;
+        }
+        let frame = Frame::of(&self.patch(net.cell));
+        let flat: Vec<DVec2> = positions.iter().map(|&p| frame.flat(p)).collect();
+        let corner = |k: usize| {
+            let own = corners.iter().find(|corner| corner.vertex == vertices[k]);
+            own.copied().unwrap_or_else(|| self.corner_within(net.cell, vertices[k]))
+        };
+        let mut triangles: Vec<[Corner; 3]> =
+            delaunay(&flat, boundary.iter().chain(&inner))?.into_iter().map(|t| t.map(corner)).collect();
+        // Vertices beside an edge by the last bits leave flat triangles on it.
+        triangles.retain(|triangle| distinct(triangle, tolerance).is_some());
+        (triangles.len() > 1).then_some(triangles)
+    }
+}
+
+/// Plane coordinates on a cell, counter-clockwise like its corners.
+struct Frame {
+    origin: DVec3,
+    axes: [DVec3; 2],
+}
+
+impl Frame {
+    fn of(patch: &Patch) -> Self {
+        let corners = patch.corners();
+        let x = (corners[1] - corners[0]).normalize_or_zero();
+        Self { origin: corners[0], axes: [x, patch.normal().cross(x)] }
+    }
+
+    fn flat(&self, p: DVec3) -> DVec2 {
+        let [x, y] = self.axes.map(|axis| (p - self.origin).dot(axis));
+        DVec2::new(x, y)
+    }
+}
+
+fn overlap(a: &Bounds, b: &Bounds) -> bool {
+    a.0.cmple(b.1).all() && b.0.cmple(a.1).all()
+}
+
+/// The line in which b meets the inside of a, unless both lie in one plane.
+fn contact_line(a: &Patch, b: &Patch, tolerance: f64) -> Option<Line> {
+    let over_a = heights(a, b, tolerance);
+    let corners = over_a[..b.corners().len()].iter();
+    let (above, below) = (corners.clone().any(|&h| h > 0.0), corners.clone().any(|&h| h < 0.0));
+    let on = corners.filter(|&&h| h == 0.0).count();
+    let reaches = (above && below) || ((above || below) && on > 1);
+    if !reaches || heights(b, a, tolerance)[..a.corners().len()].iter().all(|&h| h == 0.0) {
+        return None;
+    }
+    let along = a.normal().cross(b.normal());
+    let points = section(b, &over_a);
+    let order = |p: &&DVec3, q: &&DVec3| p.dot(along).total_cmp(&q.dot(along));
+    let (first, last) = (points.iter().min_by(order)?, points.iter().max_by(order)?);
+    clipped(a, [*first, *last], tolerance)
+}
+
+/// The heights of b's corners over the plane of a, with no difference made within the tolerance of it.
+fn heights(a: &Patch, b: &Patch, tolerance: f64) -> [f64; 4] {
+    let mut heights = [0.0; 4];
+    for (height, corner) in heights.iter_mut().zip(b.corners()) {
+        let h = (corner - a.corners()[0]).dot(a.normal());
+        *height = if h.abs() <= tolerance { 0.0 } else { h };
+    }
+    heights
+}
+
+/// The points of a cell's boundary at height zero.
+fn section(cell: &Patch, heights: &[f64; 4]) -> Vec<DVec3> {
+    let corners = cell.corners();
+    let mut points = Vec::with_capacity(corners.len());
+    for (k, &from) in corners.iter().enumerate() {
+        let next = (k + 1) % corners.len();
+        let (h, h_next) = (heights[k], heights[next]);
+        if h == 0.0 {
+            points.push(from);
+        } else if h * h_next < 0.0 {
+            points.push(from.lerp(corners[next], h / (h - h_next)));
+        }
+    }
+    points
+}
+
+/// The part of a line in a cell's plane that lies in the cell, if it is longer than the tolerance and does not run along
+/// one of the edges.
+fn clipped(cell: &Patch, mut line: Line, tolerance: f64) -> Option<Line> {
+    let corners = cell.corners();
+    // What is cut off at one edge may leave no more than what runs along another, so that is looked at again.
+    for k in (0..corners.len()).chain(0..corners.len()) {
+        let inward = cell.normal().cross(corners[(k + 1) % corners.len()] - corners[k]).normalize_or_zero();
+        let [h, g] = line.map(|p| (p - corners[k]).dot(inward));
+        if h.max(g) <= tolerance {
+            return None;
+        }
+        let [p, q] = line;
+        // An end that is on the edge within the tolerance stays what it is, usually a vertex.
+        if h < -tolerance {
+            line[0] = p.lerp(q, h / (h - g));
+        } else if g < -tolerance {
+            line[1] = q.lerp(p, g / (g - h));
+        }
+    }
+    (line[0].distance(line[1]) > tolerance).then_some(line)
+}
+
+/// The points in which lines cross.
+fn crossings(frame: &Frame, lines: &[Line]) -> Vec<DVec3> {
+    let boxes: Vec<Bounds> = lines.iter().map(|&line| box_tree::bounds(line)).collect();
+    let tree = BoxTree::new(&boxes, (0..lines.len() as u32).collect());
+    let flat: Vec<[DVec2; 2]> = lines.iter().map(|line| line.map(|p| frame.flat(p))).collect();
+    let mut points = Vec::new();
+    for (i, [from, to]) in lines.iter().enumerate() {
+        let near = |b: &Bounds| overlap(b, &boxes[i]);
+        tree.visit(near, |j| {
+            if (j as usize) < i {
+                points.extend(crossing(flat[i], flat[j as usize]).map(|t| from.lerp(*to, t)));
+            }
+        });
+    }
+    points
+}
+
+/// How far along the first line another crosses it, as a fraction.
+fn crossing([a, b]: [DVec2; 2], [c, d]: [DVec2; 2]) -> Option<f64> {
+    let (u, v) = (b - a, d - c);
+    let sine = u.perp_dot(v);
+    if sine.abs() <= PARALLEL * u.length() * v.length() {
+        return None;
+    }
+    let (s, t) = ((c - a).perp_dot(v) / sine, (c - a).perp_dot(u) / sine);
+    let within = 0.0..=1.0;
+    (within.contains(&s) && within.contains(&t)).then_some(s)
+}
+
+/// Lines between points cut at the points that lie on them, sorted, each once and from the lower index to the higher.
+fn pieces(lines: &[[usize; 2]], points: &[DVec3], tolerance: f64) -> Vec<[usize; 2]> {
+    let boxes: Vec<Bounds> = points.iter().map(|&p| (p, p)).collect();
+    let tree = BoxTree::new(&boxes, (0..points.len() as u32).collect());
+    let mut pieces = Vec::with_capacity(lines.len());
+    for &[from, to] in lines.iter().filter(|[from, to]| from != to) {
+        let (start, end) = (points[from], points[to]);
+        let mut stops = vec![(0.0, from), (1.0, to)];
+        let near = |b: &Bounds| segment_meets(start, end, b, tolerance);
+        tree.visit(near, |k| {
+            let t = position_on(start, end, points[k as usize], tolerance);
+            stops.extend(t.map(|t| (t, k as usize)));
+        });
+        stops.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        pieces.extend(stops.windows(2).map(|w| [w[0].1.min(w[1].1), w[0].1.max(w[1].1)]));
+    }
+    pieces.sort_unstable();
+    pieces.dedup();
+    pieces
+}
+
+/// A point that knows its number.
+struct Node {
+    at: Point2<f64>,
+    index: usize,
+}
+
+impl HasPosition for Node {
+    type Scalar = f64;
+
+    fn position(&self) -> Point2<f64> {
+        self.at
+    }
+}
+
+/// The constrained Delaunay triangulation of points, counter-clockwise; `None` if they are not finite. Where lines cross
+/// between the points, the first stays.
+fn delaunay<'a>(points: &[DVec2], lines: impl Iterator<Item = &'a [usize; 2]>) -> Option<Vec<[usize; 3]>> {
+    let mut triangulation = ConstrainedDelaunayTriangulation::<Node>::new();
+    let mut handles = Vec::with_capacity(points.len());
+    for (index, p) in points.iter().enumerate() {
+        let at = spade::mitigate_underflow(Point2::new(p.x, p.y));
+        handles.push(triangulation.insert(Node { at, index }).ok()?);
+    }
+    for &[from, to] in lines {
+        // Two vertices above each other are one point here.
+        if handles[from] != handles[to] {
+            triangulation.try_add_constraint(handles[from], handles[to]);
+        }
+    }
+    Some(triangulation.inner_faces().map(|face| face.vertices().map(|vertex| vertex.data().index)).collect())
+}
