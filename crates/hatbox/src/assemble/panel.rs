@@ -1,3 +1,4 @@
+use super::pair::Region;
 use crate::element::{ALL, Element, MAX_DOFS, Polynomial, Shape};
 use crate::kernel::{Plane, Points};
 use crate::mesh::{Mesh, Patch};
@@ -30,6 +31,8 @@ pub struct Panel {
     /// parallelogram, unless its element is constant).
     pub(super) functions: Option<[Polynomial; MAX_DOFS]>,
     pub(super) ladder: [Points; LADDER.len()],
+    /// N_k at the nodes of each rung.
+    tables: &'static [Vec<[f64; MAX_DOFS]>],
 }
 
 impl Panel {
@@ -54,6 +57,7 @@ impl Panel {
             radius: patch.radius(),
             plane,
             functions: polynomials(&patch, element, &plane),
+            tables: tables(element),
             ladder: LADDER.map(|degree| nodes(&patch, rule(patch.shape(), degree))),
             patch,
         }
@@ -67,6 +71,11 @@ impl Panel {
     /// The unit normal.
     pub fn normal(&self) -> DVec3 {
         self.patch.normal()
+    }
+
+    /// The point that (u, v) in the unit square is mapped to, uniformly in area.
+    pub fn sample(&self, u: f64, v: f64) -> DVec3 {
+        Region::of(self.patch.corners()).sample(u, v)
     }
 
     /// N_k at a point of the panel.
@@ -83,22 +92,28 @@ impl Panel {
 
     /// N_k at the nodes of a rung of the ladder.
     pub(super) fn tabulated(&self, rung: usize) -> &'static [[f64; MAX_DOFS]] {
-        let index = ELEMENTS.iter().position(|e| std::ptr::eq(*e, self.element)).unwrap_or(0);
-        &TABLES[index][rung]
+        &self.tables[rung]
     }
+}
+
+/// The tables of an element; those of an element that is in no basis are made for good.
+fn tables(element: &'static Element) -> &'static [Vec<[f64; MAX_DOFS]>] {
+    let known = ELEMENTS.iter().position(|e| std::ptr::eq(*e, element));
+    known.map_or_else(|| Box::leak(Box::new(tabulate(element))).as_slice(), |index| &TABLES[index])
 }
 
 static ELEMENTS: LazyLock<Vec<&'static Element>> = LazyLock::new(|| {
     ALL.iter().flat_map(|basis| Shape::ALL.into_iter().filter_map(|shape| basis.element(shape))).collect()
 });
 
-/// N_k at the nodes of each rung, for each element.
-static TABLES: LazyLock<Vec<Vec<Vec<[f64; MAX_DOFS]>>>> = LazyLock::new(|| {
-    let table = |element: &Element, degree| {
-        rule(element.shape, degree).points.iter().map(|&at| element.values(at)).collect::<Vec<_>>()
-    };
-    ELEMENTS.iter().map(|element| LADDER.iter().map(|&degree| table(element, degree)).collect()).collect()
-});
+static TABLES: LazyLock<Vec<Vec<Vec<[f64; MAX_DOFS]>>>> =
+    LazyLock::new(|| ELEMENTS.iter().map(|element| tabulate(element)).collect());
+
+/// N_k at the nodes of each rung.
+fn tabulate(element: &Element) -> Vec<Vec<[f64; MAX_DOFS]>> {
+    let table = |degree| rule(element.shape, degree).points.iter().map(|&at| element.values(at)).collect();
+    LADDER.iter().map(|&degree| table(degree)).collect()
+}
 
 /// The nodes of a rule on a patch, weighted in m².
 pub(super) fn nodes(patch: &Patch, rule: &Rule) -> Points {

@@ -186,12 +186,13 @@ impl Builder<'_> {
         for j in i + 1..self.panels.len() {
             let Some(block) = self.block(i, j, &mut sights) else { continue };
             row.rays += u64::from(block.rays);
+            // That no ray came through is an estimate, too.
+            row.errors.push((j as u32, block.quadrature_error as f32, block.visibility_error.powi(2) as f32));
             if block.sum() == 0.0 {
                 continue;
             }
             row.pairs += 1;
             row.clear_pairs += u64::from(block.rays == 0);
-            row.errors.push((j as u32, block.quadrature_error as f32, block.visibility_error.powi(2) as f32));
             let columns = self.panels[j].element.dofs();
             let place = self.offsets[j] - first;
             for (k, entries) in block.values().chunks_exact(columns).enumerate() {
@@ -232,8 +233,9 @@ enum Between<'a> {
 struct Sights<'a> {
     geometry: &'a Geometry<'a>,
     from: &'a Panel,
-    /// The face for which `to_surface` and `inherited` hold.
-    surface: Option<u32>,
+    /// The face, and which of its sides (the sign of the normal against the face's), for which `to_surface` and
+    /// `inherited` hold: a cell that straddles the plane of a sheet sees either side with another part of itself.
+    side: Option<(u32, bool)>,
     to_surface: ShaftResult,
     inherited: Vec<u32>,
     candidates: Vec<u32>,
@@ -242,13 +244,16 @@ struct Sights<'a> {
 impl<'a> Sights<'a> {
     fn new(geometry: &'a Geometry<'a>, from: &'a Panel) -> Self {
         let to_surface = ShaftResult::Empty;
-        Self { geometry, from, surface: None, to_surface, inherited: Vec::new(), candidates: Vec::new() }
+        Self { geometry, from, side: None, to_surface, inherited: Vec::new(), candidates: Vec::new() }
     }
 
     /// `None` if the panels face away from each other, or one face of the input hides them from each other.
     fn to(&mut self, other: &Panel) -> Option<(Facing, Between<'_>)> {
         let facing = Facing::new(&self.from.patch, &other.patch)?;
-        if self.surface != Some(other.surface) {
+        let face = self.geometry.surfaces[other.surface as usize].patch(DVec3::ZERO);
+        let side = Some((other.surface, face.normal().dot(other.normal()) > 0.0));
+        if self.side != side {
+            self.side = side;
             self.look_at_surface(other);
         }
         if self.to_surface == ShaftResult::Empty {
@@ -293,7 +298,6 @@ impl<'a> Sights<'a> {
 
     /// Finds what may stand between the cell and the whole face that another belongs to.
     fn look_at_surface(&mut self, other: &Panel) {
-        self.surface = Some(other.surface);
         self.inherited.clear();
         let face = self.geometry.surfaces[other.surface as usize].patch(other.normal());
         let Some(facing) = Facing::new(&self.from.patch, &face) else {

@@ -79,10 +79,10 @@ impl Patch {
         }
     }
 
-    /// Whether the map is affine: a triangle or a parallelogram, to rounding.
+    /// Whether the map is affine: a triangle, or a parallelogram to the precision of files (1e-6 of its size).
     pub fn is_affine(&self) -> bool {
         let [a, b, c, d] = self.corners;
-        self.shape == Shape::Triangle || (a - b + c - d).length() <= 1e-12 * (c - a).length()
+        self.shape == Shape::Triangle || (a - b + c - d).length() <= 1e-6 * (c - a).length()
     }
 
     /// The reference coordinates of a point of the patch's plane (Newton's method on quads, exact on affine ones).

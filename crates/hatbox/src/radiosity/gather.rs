@@ -6,7 +6,6 @@
 
 use super::Solution;
 use crate::assemble::{Panel, point_row};
-use crate::element::Shape;
 use crate::kernel::geometric;
 use crate::quadrature::sequence::{hash, point};
 use crate::visibility::{Bvh, Visibility};
@@ -45,7 +44,7 @@ impl Gather<'_> {
         let panel = &self.panels[cell];
         let Some(row) = point_row(panel, x, n) else { return };
         let distance = (panel.center.distance(x) - panel.radius).max(0.25 * panel.radius);
-        let weight = self.strengths[cell] * panel.area() / (distance * distance);
+        let weight = self.strengths.get(cell).copied().unwrap_or(1.0) * panel.area() / (distance * distance);
         let rays = (weight / FINEST).ceil().clamp(1.0, f64::from(MAX_RAYS)) as u32;
         let visible = self.visible_share(panel, x, n, surface, hash(seed, cell as u64), rays);
         if visible == 0.0 {
@@ -63,7 +62,7 @@ impl Gather<'_> {
         let (mut seen, mut all) = (0.0, 0.0);
         for k in 0..rays {
             let p = point(set, k);
-            let y = panel.patch.point(reference_point(panel.patch.shape(), p[0], p[1]));
+            let y = panel.sample(p[0], p[1]);
             let g = geometric(x, n, y, panel.normal());
             all += g;
             if g > 0.0 && !self.blockers.occluded(x, y, [surface, panel.surface]) {
@@ -71,13 +70,5 @@ impl Gather<'_> {
             }
         }
         if all > 0.0 { seen / all } else { 0.0 }
-    }
-}
-
-/// The point of a reference cell that (u, v) in the unit square is mapped to, uniformly in the cell's area.
-pub(super) fn reference_point(shape: Shape, u: f64, v: f64) -> [f64; 2] {
-    match shape {
-        Shape::Triangle => [u.sqrt() * (1.0 - v), u.sqrt() * v],
-        Shape::Quad => [u, v],
     }
 }

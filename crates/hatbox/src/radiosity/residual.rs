@@ -6,7 +6,6 @@
 //! factor 1/(1 − ρ) assumes the worst, that the residual excites the smoothest mode of the scene; what is reported is
 //! *estimated*, not certified.
 
-use super::gather::reference_point;
 use super::{Shown, Solution, System};
 use crate::progress::{Interrupted, Progress};
 use crate::quadrature::sequence::{hash, point};
@@ -85,8 +84,8 @@ fn residual_at(system: &System, solution: &Solution, ends: &[f64], k: u32, seed:
     let target = p[0] * ends.last().copied().unwrap_or(0.0);
     let cell = ends.partition_point(|&end| end <= target).min(ends.len().saturating_sub(1));
     let panel = &system.panels[cell];
-    let at = reference_point(panel.patch.shape(), p[1], p[2]);
-    let x = panel.patch.point(at);
+    let x = panel.sample(p[1], p[2]);
+    let at = panel.patch.locate(x);
     let e = system.gather(solution).irradiance(x, panel.normal(), panel.surface, hash(seed, u64::from(k)));
     let material = system.scene.material(cell);
     let site = system.scene.site(cell, at);

@@ -110,7 +110,7 @@ pub struct Solved {
     pub closure: exchange::Closure,
     /// Name of the kind of operator.
     pub operator_kind: &'static str,
-    /// Time to build it.
+    /// Time to subdivide the mesh and build it.
     pub operator_time: Duration,
     /// The solver that ran.
     pub solver: solve::Kind,
@@ -220,7 +220,7 @@ impl System {
         let exchange = Balanced::new(exchange, &scene, &space, &mass, &mass_inverse, escape);
         let join = Join::of(&space);
         let preconditioner = preconditioner(&join, &mass, &mass_inverse);
-        let strengths = strengths(&scene);
+        let strengths = params.strengths.clone();
         Ok(Self { scene, space, exchange, panels, blockers, strengths, join, mass, mass_inverse, preconditioner })
     }
 

@@ -17,10 +17,10 @@ pub(super) const MAX_NODES: usize = 64;
 /// The a-priori error of a rule of degree p for a pair with η = (r_a + r_b)/distance, relative to A_a A_b/(π d²).
 ///
 /// G is analytic on either side within a circle of radius d, so the error is C (η/2)^{p+1}; what the shape functions use
-/// up of the degree shifts the exponent. The constants bound the error of random pairs with η up to 1; a test measures
-/// them again.
+/// up of the degree shifts the exponent. The constants are twice the largest ratio met among 6000 random pairs with η up
+/// to 1; a test tries others.
 fn a_priori_error(rung: usize, functions_degree: usize, eta: f64) -> f64 {
-    const BOUND: [f64; LADDER.len()] = [1.0, 0.15, 0.12, 0.02];
+    const BOUND: [f64; LADDER.len()] = [2.0, 0.3, 0.25, 0.04];
     if LADDER[rung] < functions_degree {
         return f64::INFINITY;
     }
@@ -37,7 +37,9 @@ pub(super) fn far(a: &Panel, on_a: &Region, b: &Panel, on_b: &Region, accuracy: 
     }
     let cosines = (a.normal().dot(d) * -b.normal().dot(d) / d2).max(0.0);
     let needed = accuracy.tolerance * cosines.max(PI * d2 / accuracy.total_area);
-    let degree = a.element.degree.max(b.element.degree);
+    // On a quad that is no parallelogram, bilinear functions and the Jacobian are no polynomials of degree 1.
+    let degree_of = |panel: &Panel| if panel.functions.is_some() { panel.element.degree } else { 2 };
+    let degree = degree_of(a).max(degree_of(b));
     let rung = (0..LADDER.len()).find(|&rung| a_priori_error(rung, degree, eta) <= needed)?;
     let mut block = product(&Nodes::on(a, on_a, rung), &Nodes::on(b, on_b, rung), a, b);
     block.quadrature_error = a_priori_error(rung, degree, eta) * a.area() * b.area() / (PI * d2);
@@ -138,11 +140,11 @@ mod tests {
         for element in [ALL[0].triangle, ALL[1].triangle, ALL[3].triangle] {
             let mut worst = [0.0f64; LADDER.len()];
             for k in 0..500 {
-                let a = random_panel(3 * k, DVec3::ZERO, element);
+                let a = random_panel(1_000_000 + 3 * k, DVec3::ZERO, element);
                 let way = sequence::point(1, k as u32);
                 let away =
                     (DVec3::new(way[0], way[1], way[2]) - 0.5).normalize_or(DVec3::X) * (1.0 + 8.0 * way[3].powi(3));
-                let b = random_panel(3 * k + 1, away, element);
+                let b = random_panel(1_000_001 + 3 * k, away, element);
                 let Some(Facing { first: on_a, second: on_b }) = Facing::new(&a.patch, &b.patch) else { continue };
                 let d = b.center.distance(a.center);
                 let eta = (a.radius + b.radius) / d;

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | coplanar, behind each other, or proven hidden | exactly 0 |
 //! | far | symmetric Gauss on both sides, of the smallest degree whose a-priori error is small enough |
-//! | sharing an edge or a corner, uncut | Sauter–Schwab, order n raised until n and n + 2 agree |
+//! | sharing an edge or a corner, uncut | Sauter–Schwab, order n raised until two orders agree |
 //! | near, or cut by the other's horizon | closed-form inner integral, adaptive outer rule |
 //! | near, and no closed form (bilinear on a trapezium) | the pair is subdivided |
 //! | partially hidden | the unoccluded block, corrected by low-discrepancy rays (`sampled`) |
@@ -24,7 +24,7 @@ pub use region::Facing;
 use super::Panel;
 use crate::element::MAX_DOFS;
 use glam::DVec3;
-use region::Region;
+pub(super) use region::Region;
 
 /// What is known of the sight between two panels.
 #[derive(Clone, Copy)]
@@ -51,7 +51,7 @@ pub struct Accuracy {
 }
 
 impl Accuracy {
-    /// τ for a scene of that area, with an unlimited number of rays.
+    /// τ for a scene of that area, with up to 2²⁰ rays for a pair.
     pub fn new(tolerance: f64, total_area: f64) -> Self {
         Self { tolerance, total_area, max_rays: 1 << 20, seed: 0 }
     }
