@@ -86,3 +86,48 @@ fn galerkins_method_conserves_power_on_every_mesh_and_in_every_basis() {
         }
     }
 }
+
+/// A two-sided sheet above a floor, with a plate under it; the floor reaches past the sheet's plane on both sides. Which
+/// way round the sheet was drawn must not matter.
+#[test]
+fn either_side_of_a_sheet_has_its_own_shadows() {
+    let lit = |flipped: bool| {
+        let mut mesh = hatbox::mesh::Mesh::default();
+        let p = |x: f64, y: f64, z: f64| glam::DVec3::new(x, y, z);
+        meshes::face(&mut mesh, &[p(-2.0, -1.0, 0.0), p(2.0, -1.0, 0.0), p(2.0, 1.0, 0.0), p(-2.0, 1.0, 0.0)], 0);
+        let mut sheet = [p(0.0, -0.5, 1.0), p(0.0, 0.5, 1.0), p(0.0, 0.5, 2.0), p(0.0, -0.5, 2.0)];
+        if flipped {
+            sheet.reverse();
+        }
+        meshes::face(&mut mesh, &sheet, 1);
+        // Hides the floor at x > 0 from the sheet's side that faces it.
+        meshes::face(&mut mesh, &[p(0.02, -1.5, 0.9), p(2.5, -1.5, 0.9), p(2.5, 1.5, 0.9), p(0.02, 1.5, 0.9)], 2);
+        let materials = vec![
+            Material { exitance: Quantity::gray(1.0), ..Material::diffuse("floor", 0.0) },
+            Material { two_sided: true, ..Material::diffuse("sheet", 0.0) },
+            Material::diffuse("plate", 0.0),
+        ];
+        let scene = Scene::new(mesh, materials, Physics::Light, None).expect("a valid scene");
+        let options = Options {
+            basis: &ALL[0],
+            refinement: Refinement::None,
+            tolerance: 1e-3,
+            error_points: 0,
+            ..Options::default()
+        };
+        let solution = solve(&scene, &options, &Silent).expect("solved").solution;
+        // What the side towards −x receives, and what the side towards +x does.
+        [-1.0, 1.0].map(|x| {
+            let towards = |cell: &usize| {
+                solution.scene.mesh.cells[*cell].material == 1 && solution.scene.mesh.patch(*cell).normal().x * x > 0.5
+            };
+            let cell = (0..solution.space.cells()).find(towards).expect("a side");
+            solution.irradiance.band(0)[solution.space.range(cell).start]
+        })
+    };
+    let (one, other) = (lit(false), lit(true));
+    assert!(one[1] < 0.1 * one[0], "the plate hides the floor from one side: {one:?}");
+    for side in 0..2 {
+        assert!((one[side] - other[side]).abs() < 3e-3, "{one:?} {other:?}");
+    }
+}

@@ -5,6 +5,8 @@ mod samples;
 
 #[path = "reading/bad_input.rs"]
 mod bad_input;
+#[path = "reading/geometry.rs"]
+mod geometry;
 #[path = "reading/gltf.rs"]
 mod gltf;
 #[path = "reading/obj.rs"]

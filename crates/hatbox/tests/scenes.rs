@@ -70,28 +70,22 @@ fn two_rooms(file: &str) -> Solved {
     solved(file, &options)
 }
 
-/// Least and greatest irradiance over the nodes of the cells beyond the dividing wall, and of those before it.
+/// Least and greatest irradiance over the nodes of the cells beyond the dividing wall, seen from the lamp, and before it.
 fn irradiance_beyond(solved: &Solved) -> ([f64; 2], [f64; 2]) {
     let solution = &solved.solution;
     let mesh = &solution.scene.mesh;
     let (lo, hi) = mesh.bounds();
-    let middle = f64::midpoint(lo.x, hi.x);
+    let side = |cell: usize| mesh.patch(cell).center().x - f64::midpoint(lo.x, hi.x);
+    let lamp = (0..mesh.cells.len()).find(|&cell| !solution.scene.material(cell).exitance.is_zero()).expect("a lamp");
     let mut ranges = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-    for cell in 0..mesh.cells.len() {
-        // Cells of the doorway itself belong to neither room.
-        let x = mesh.patch(cell).center().x - middle;
-        if x.abs() < 0.05 * (hi.x - lo.x) {
-            continue;
-        }
-        let lamp_first = solution.scene.material(cell).exitance.is_zero();
-        let range = &mut ranges[usize::from(x > 0.0)];
-        if lamp_first {
-            for &e in &solution.irradiance.band(0)[solution.space.range(cell)] {
-                *range = [range[0].min(e), range[1].max(e)];
-            }
+    // Cells of the doorway itself belong to neither room.
+    for cell in (0..mesh.cells.len()).filter(|&cell| side(cell).abs() > 0.05 * (hi.x - lo.x)) {
+        let range = &mut ranges[usize::from(side(cell) * side(lamp) > 0.0)];
+        for &e in &solution.irradiance.band(0)[solution.space.range(cell)] {
+            *range = [range[0].min(e), range[1].max(e)];
         }
     }
-    if ranges[0][1] > ranges[1][1] { (ranges[1], ranges[0]) } else { (ranges[0], ranges[1]) }
+    (ranges[0], ranges[1])
 }
 
 #[test]

@@ -14,7 +14,7 @@ use hatbox::progress::Silent;
 use hatbox::quadrature::{gauss_legendre, rule};
 use hatbox::radiosity::{Options, Solution, solve};
 use hatbox::scene::{Material, Physics, Quantity, Scene, Site};
-use hatbox::solve::{ALL as SOLVERS, Params};
+use hatbox::solve::ALL as SOLVERS;
 use hatbox::space::{Continuity, FunctionSpace};
 use hatbox::visibility::Bvh;
 use std::f64::consts::SQRT_2;
@@ -90,7 +90,6 @@ fn every_solver_solves_every_basis() {
             }
         }
     }
-    assert!(Params::default().max_iterations > 0);
 }
 
 #[test]

@@ -15,8 +15,13 @@ use rayon::prelude::*;
 const VARYING_DEGREES: [usize; 2] = [8, 5];
 /// Relative error up to which integrals of such data are refined.
 const VARYING_TOLERANCE: f64 = 1e-6;
-/// Rounds of quartering at the most: 64 parts, 1024 points of the data.
-const MAX_DEPTH: i32 = 3;
+/// Rounds of quartering of a given function at the most.
+const MAX_DEPTH: u32 = 3;
+/// Texels along a part at the most: a texture's cells are cut at least so finely, or two rules that both miss a lamp of a
+/// few texels would agree that it is dark.
+const TEXELS: f64 = 2.0;
+/// Rounds of quartering for texels at the most: 4096 parts.
+const MAX_TEXEL_DEPTH: u32 = 6;
 
 /// The most numbers that one integral has.
 const MAX_SIZE: usize = MAX_DOFS * MAX_DOFS;
@@ -133,26 +138,42 @@ impl Integral<'_> {
                     let uv = self.scene.mesh.uv(self.cell, at);
                     quantity.at(&Site { position: patch.point(at), uv }, self.band)
                 };
-                self.refined(&patch, &form, w)
+                self.refined(&patch, self.texel_depth(quantity), &form, w)
             }
         }
     }
 
-    /// Cuts into quarters until the two rules agree.
+    /// Rounds of quartering after which a part covers only a few texels.
+    fn texel_depth(&self, quantity: &Quantity) -> u32 {
+        let Quantity::Textured { texture, .. } = quantity else { return 0 };
+        let Some(corners) = self.scene.mesh.uvs.get(self.cell) else { return 0 };
+        let (lo, hi) = corners.iter().fold((corners[0], corners[0]), |(lo, hi), uv| (lo.min(*uv), hi.max(*uv)));
+        let texels = ((hi.x - lo.x) * texture.width() as f64).max((hi.y - lo.y) * texture.height() as f64);
+        ((texels / TEXELS).log2().ceil().max(0.0) as u32).min(MAX_TEXEL_DEPTH)
+    }
+
+    /// Cuts into quarters, at least `least` times, until the two rules agree.
     fn refined(
         &self,
         patch: &Patch,
+        least: u32,
         form: &impl Fn(f64, &[f64; MAX_DOFS], &mut Values),
         w: impl Fn([f64; 2], &[f64; MAX_DOFS]) -> f64,
     ) -> Values {
         let mut total = [0.0; MAX_SIZE];
-        let mut scale = None;
-        let mut parts = vec![(Part::whole(), 0_i32)];
+        let mut scale = 0.0_f64;
+        let most = least.max(MAX_DEPTH);
+        let mut parts = vec![(Part::whole(), 0)];
         while let Some((part, depth)) = parts.pop() {
+            if depth < least {
+                parts.extend(part.quarters(patch.shape()).map(|quarter| (quarter, depth + 1)));
+                continue;
+            }
             let [fine, check] = VARYING_DEGREES.map(|degree| self.rule(patch, &part, degree, form, &w));
             let error = largest(fine.iter().zip(&check).map(|(a, b)| a - b));
-            let scale = *scale.get_or_insert_with(|| largest(fine.iter().copied()));
-            if error <= VARYING_TOLERANCE * scale * 0.5f64.powi(depth) || depth == MAX_DEPTH {
+            // A part may err by its share of the area.
+            scale = scale.max(largest(fine.iter().copied()) / part.scale());
+            if error <= VARYING_TOLERANCE * scale * part.scale() || depth == most {
                 total = std::array::from_fn(|k| total[k] + fine[k]);
             } else {
                 parts.extend(part.quarters(patch.shape()).map(|quarter| (quarter, depth + 1)));
@@ -225,7 +246,7 @@ mod tests {
     use super::*;
     use crate::element::ALL;
     use crate::mesh::{Cell, Mesh};
-    use crate::scene::{Material, Physics};
+    use crate::scene::{Material, Physics, Texture, Wrap};
     use glam::DVec3;
 
     fn scene(shape: Shape, exitance: Quantity) -> Scene {
@@ -247,6 +268,25 @@ mod tests {
                 assert!((sum - scene.mesh.area()).abs() < 1e-14, "{} {shape:?}", basis.name);
             }
         }
+    }
+
+    #[test]
+    fn a_lamp_of_a_few_texels_on_a_large_cell_keeps_its_power() {
+        let (n, lamp) = (64, 4);
+        let texel =
+            |k: usize| if (20..20 + lamp).contains(&(k % n)) && (37..37 + lamp).contains(&(k / n)) { 1.0 } else { 0.0 };
+        let texture = Texture::new(n, n, 1, (0..n * n).map(texel).collect(), [Wrap::Clamp; 2]).expect("fits");
+        let mut mesh = scene(Shape::Quad, Quantity::gray(0.0)).mesh;
+        let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
+        mesh.vertices = square.map(|(x, y)| DVec3::new(x, y, 0.0)).to_vec();
+        mesh.uvs = vec![square.map(|(x, y)| glam::DVec2::new(x, y))];
+        let exitance = Quantity::Textured { factor: vec![1.0], texture: std::sync::Arc::new(texture) };
+        let material = Material { exitance, ..Material::diffuse("lamp", 0.5) };
+        let scene = Scene::new(mesh, vec![material], Physics::Light, None).expect("valid");
+        let space = FunctionSpace::broken(&scene.mesh, &ALL[2]).expect("an element");
+        let power: f64 = load(&scene, &space).band(0).iter().sum();
+        let exact = (lamp * lamp) as f64 / (n * n) as f64;
+        assert!((power - exact).abs() < 0.02 * exact, "{power} {exact}");
     }
 
     #[test]

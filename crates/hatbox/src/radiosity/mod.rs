@@ -5,8 +5,8 @@
 //! vector, whatever the basis. (On an element of constant R, M_R Δ⁻¹ S is R S; on one of varying R it differs from the
 //! generalized form factor ∬R N_i N_j G by a product of two projection errors.)
 //!
-//! In a joined space the *computation* is Galerkin's on the hats themselves; a triangle mesh has about six times fewer of
-//! them than broken functions. The irradiance is always given in the broken space.
+//! In a joined space the *computation* is Galerkin's on the hats themselves; for linear functions on triangles there are about six
+//! times fewer of them than broken ones. The irradiance is always given in the broken space.
 
 mod gather;
 mod operators;

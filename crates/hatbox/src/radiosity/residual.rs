@@ -2,9 +2,9 @@
 //!
 //! r = B⁰ + R K B̃ − B̃ vanishes for the true radiosity, and ‖B − B̃‖ ≤ (‖r‖ + ρ δ ‖B̃‖)/(1 − ρ), where δ bounds the error of
 //! the operator. The norm of r is estimated from area-weighted random points, at each of which the irradiance is
-//! gathered afresh, with its own rays; so visibility, quadrature, discretisation and the solver are all in it. The
-//! factor 1/(1 − ρ) assumes the worst, that the residual excites the smoothest mode of the scene; what is reported is
-//! *estimated*, not certified.
+//! gathered afresh, with its own rays; so visibility, quadrature, discretisation and the solver are all in it. For
+//! 1 − ρ stands the emitted over the leaving power, by which this scene amplifies light on the whole; a bright cavity in a
+//! dark scene amplifies its own errors more. What is reported is *estimated*, not certified.
 
 use super::{Shown, Solution, System};
 use crate::progress::{Interrupted, Progress};

@@ -1,6 +1,6 @@
 //! Whatever is wrong gives one error that names the file, the place and the remedy; and nothing panics.
 
-use super::{Files, gltf, sample, samples};
+use super::{Files, geometry, gltf, sample, samples};
 use hatbox::io::{ReadError, read_raw};
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -26,6 +26,10 @@ fn files_that_are_no_scene() {
         ("a.gltf", Some(b"{ \"asset\": }"), ["a.gltf", "line 1 column", "export"]),
         ("a.obj", Some(b"\x00\xff garbage\nmore\n"), ["a.obj", "empty", "export"]),
         ("a.obj", Some(b""), ["a.obj", "empty", "export"]),
+        ("a.ply", Some(b"garbage"), ["a.ply", "no PLY", "export"]),
+        ("a.stl", Some(b"garbage"), ["a.stl", "no STL", "export"]),
+        ("a.stl", Some(b"solid x\nfacet normal 0 0 0\nouter loop\nvertex 1 2"), ["a.stl", "triangle 0", "export"]),
+        ("a.stl", Some(b"solid x\nendsolid x\n"), ["a.stl", "empty", "export"]),
         ("a.toml", Some(b"garbage"), ["a.toml", "line 1", "correct"]),
         ("a.toml", Some(b"\xff"), ["a.toml", "UTF-8", "save"]),
     ] {
@@ -187,14 +191,34 @@ fn every_cut_of_a_glb_is_an_error() {
     }
 }
 
+#[test]
+fn ply_errors_name_the_face() {
+    let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    for (payload, parts) in [
+        ("0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n", ["face 0", "vertex 7"]),
+        ("0 0 0\n1 0 0\n0 1 0\n3 0 1 -2\n", ["face 0", "negative"]),
+        ("1e999 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", ["face 0", "not finite"]),
+        ("nan 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", ["Line 10", "nan"]),
+        ("0 0 0\n1 0 0\n0 1 0\n", ["a.ply", "cut off"]),
+    ] {
+        let ply = format!("{header}{payload}");
+        let error = Files::new(&[("a.ply", ply.as_bytes())]).read("a.ply").expect_err(payload);
+        assert_says(&error, &["a.ply"]);
+        assert_says(&error, &parts);
+    }
+}
+
 proptest! {
     /// Whatever bytes are changed, reading ends with a scene or an error.
     #[test]
     fn damaged_files_do_not_panic(
-        which in 0_usize..5,
+        which in 0_usize..8,
         damage in prop::collection::vec((0.0..1.0_f64, any::<u8>()), 1..8),
     ) {
-        let (name, mut bytes) = samples::all().swap_remove(which);
+        let mut files = samples::all();
+        files.extend([("a.ply", geometry::PLY.to_vec()), ("a.stl", geometry::stl())]);
+        let (name, mut bytes) = files.swap_remove(which);
         for (at, byte) in damage {
             let at = (at * bytes.len() as f64) as usize;
             bytes[at] = byte;

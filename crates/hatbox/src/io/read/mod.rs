@@ -13,14 +13,17 @@ mod files;
 mod gltf;
 mod obj;
 mod picture;
+mod ply;
 mod polygon;
 mod scene_file;
+mod stl;
 
 pub use error::{ReadError, Snippet};
 pub use scene_file::EXAMPLE;
 
 use crate::mesh::Mesh;
 use crate::scene::{Camera, Material, Physics, Scene};
+use builder::MeshBuilder;
 use std::path::Path;
 
 /// R of what a file gives no material.
@@ -40,6 +43,21 @@ pub struct RawScene {
     pub camera: Option<Camera>,
     /// What was left out or guessed, each with its file and place.
     pub warnings: Vec<String>,
+}
+
+impl RawScene {
+    /// The scene of a format that knows no materials.
+    fn without_materials(file: &Path, builder: MeshBuilder) -> Result<Self, ReadError> {
+        let text = format!("it has no materials: reflectance {DEFAULT_REFLECTANCE} is assumed; set it in a scene file");
+        let mut warnings = vec![format!("{}: {text}", file.display())];
+        Ok(Self {
+            mesh: builder.finish(file, &mut warnings)?,
+            materials: vec![Material::diffuse("default", DEFAULT_REFLECTANCE)],
+            physics: Physics::Light,
+            camera: None,
+            warnings,
+        })
+    }
 }
 
 /// A file format that scenes are read from.
@@ -74,7 +92,7 @@ impl Format {
 }
 
 /// Every format that scenes are read from.
-pub static FORMATS: [Format; 3] = [
+pub static FORMATS: [Format; 5] = [
     Format {
         name: "glTF",
         extensions: &["glb", "gltf"],
@@ -88,6 +106,20 @@ pub static FORMATS: [Format; 3] = [
         summary: "with its .mtl: R = Kd × map_Kd, B⁰ = π Ke",
         in_metres: false,
         read: obj::read,
+    },
+    Format {
+        name: "PLY",
+        extensions: &["ply"],
+        summary: "geometry only: R = 0.5, unless a scene file says otherwise",
+        in_metres: false,
+        read: ply::read,
+    },
+    Format {
+        name: "STL",
+        extensions: &["stl"],
+        summary: "geometry only: R = 0.5, unless a scene file says otherwise",
+        in_metres: false,
+        read: stl::read,
     },
     Format {
         name: "scene file",

@@ -19,6 +19,21 @@ struct Vertices {
     uvs: Vec<DVec2>,
 }
 
+impl Vertices {
+    /// A triangle of these vertices, of which `indices` are those in the mesh.
+    fn face(&self, [a, b, c]: [usize; 3], [i, j, k]: [u32; 3], material: u32, group: u32) -> Face {
+        let corners = [a, b, c, c];
+        Face {
+            shape: Shape::Triangle,
+            vertices: [i, j, k, k],
+            uvs: (!self.uvs.is_empty()).then(|| corners.map(|corner| self.uvs[corner])),
+            normals: (!self.normals.is_empty()).then(|| corners.map(|corner| self.normals[corner])),
+            material,
+            group,
+        }
+    }
+}
+
 impl Reader<'_> {
     /// Adds the triangles of a primitive.
     pub(super) fn primitive(
@@ -42,13 +57,9 @@ impl Reader<'_> {
         let mirrored = transform.determinant() < 0.0;
         // Vertices are added when a triangle uses them: primitives often share one long array.
         let mut added = vec![None; vertices.positions.len()];
-        for mut triangle in triangles(mode, &corners) {
-            if mirrored {
-                triangle.swap(1, 2);
-            }
-            let [a, b, c] = triangle;
-            let corners = [a, b, c, c];
-            for &corner in &triangle {
+        for [a, b, c] in triangles(mode, &corners) {
+            let triangle = if mirrored { [a, c, b] } else { [a, b, c] };
+            for corner in triangle {
                 let position = vertices.positions[corner];
                 if !position.is_finite() {
                     let reason = format!("the position of vertex {corner} is not finite: {position}");
@@ -56,14 +67,8 @@ impl Reader<'_> {
                 }
                 added[corner].get_or_insert_with(|| self.builder.vertex(position));
             }
-            self.builder.face(Face {
-                shape: Shape::Triangle,
-                vertices: corners.map(|corner| added[corner].unwrap_or_default()),
-                uvs: (!vertices.uvs.is_empty()).then(|| corners.map(|corner| vertices.uvs[corner])),
-                normals: (!vertices.normals.is_empty()).then(|| corners.map(|corner| vertices.normals[corner])),
-                material,
-                group,
-            });
+            let indices = triangle.map(|corner| added[corner].unwrap_or_default());
+            self.builder.face(vertices.face(triangle, indices, material, group));
         }
         Ok(())
     }
