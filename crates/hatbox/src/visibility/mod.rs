@@ -17,8 +17,8 @@
 //! - **f32 only in boxes.** The [`Bvh`] culls with f32 boxes that are rounded outward and tested conservatively, in
 //!   coordinates normalised to the scene; they decide what is looked at, never what is hit.
 //!
-//! Dropped: Embree (a system library), single-precision triangles (leaks of 1e-7 of the scene), 16-ray packets (twice as
-//! fast for the ray bundle of one pair, half as fast otherwise; the shafts already answer most pairs without rays).
+//! Dropped: Embree (a system library), single-precision triangles (leaks of 1e-7 of the scene), 16-ray packets
+//! (the shafts already answer most pairs without rays).
 
 #![cfg_attr(target_arch = "x86_64", expect(unsafe_code, reason = "AVX2 intrinsics, behind detection at run time"))]
 #![expect(clippy::inline_always, reason = "kernels must be inlined into functions compiled for their instruction set")]

@@ -17,8 +17,8 @@ pub(super) const MAX_NODES: usize = 64;
 /// The a-priori error of a rule of degree p for a pair with η = (r_a + r_b)/distance, relative to A_a A_b/(π d²).
 ///
 /// G is analytic on either side within a circle of radius d, so the error is C (η/2)^{p+1}; what the shape functions use
-/// up of the degree shifts the exponent. The constants are twice the largest ratio met among 6000 random pairs with η up
-/// to 1; a test tries others.
+/// up of the degree shifts the exponent. The constants are about twice the largest ratio met among random triangles with η
+/// up to 1; a test tries others.
 fn a_priori_error(rung: usize, functions_degree: usize, eta: f64) -> f64 {
     const BOUND: [f64; LADDER.len()] = [2.0, 0.3, 0.25, 0.04];
     if LADDER[rung] < functions_degree {
