@@ -26,11 +26,14 @@ pub struct Panel {
     pub center: DVec3,
     /// Radius of its bounding sphere.
     pub radius: f64,
+    pub(super) longest_edge: f64,
     pub(super) plane: Plane,
     /// The shape functions in the plane's coordinates; `None` where they are no polynomials (a quad that is no
     /// parallelogram, unless its element is constant).
     pub(super) functions: Option<[Polynomial; MAX_DOFS]>,
     pub(super) ladder: [Points; LADDER.len()],
+    /// The degree up to which each rung is exact on the panel.
+    pub(super) exactness: [usize; LADDER.len()],
     /// N_k at the nodes of each rung.
     tables: &'static [Vec<[f64; MAX_DOFS]>],
 }
@@ -55,9 +58,12 @@ impl Panel {
             surface,
             center: patch.center(),
             radius: patch.radius(),
+            longest_edge: patch.longest_edge(),
             plane,
             functions: polynomials(&patch, element, &plane),
             tables: tables(element),
+            // The Jacobian of a quad that is no parallelogram is of degree 1.
+            exactness: LADDER.map(|degree| rule(patch.shape(), degree).degree - usize::from(!patch.is_affine())),
             ladder: LADDER.map(|degree| nodes(&patch, rule(patch.shape(), degree))),
             patch,
         }
@@ -66,6 +72,11 @@ impl Panel {
     /// The area.
     pub fn area(&self) -> f64 {
         self.patch.area()
+    }
+
+    /// The length of the longest edge.
+    pub fn longest_edge(&self) -> f64 {
+        self.longest_edge
     }
 
     /// The unit normal.
@@ -88,6 +99,11 @@ impl Panel {
             *value = f.iter().zip(&m).map(|(c, m)| c * m).sum();
         }
         values
+    }
+
+    /// Degree of the shape functions as polynomials of the plane; 2 for those that are none.
+    pub(super) fn functions_degree(&self) -> usize {
+        if self.functions.is_some() { self.element.degree } else { 2 }
     }
 
     /// N_k at the nodes of a rung of the ladder.

@@ -5,6 +5,7 @@
 
 mod closure;
 mod dense;
+mod tree;
 
 pub use closure::{Balanced, Closure, escape};
 pub use dense::Dense;

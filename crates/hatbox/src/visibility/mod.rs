@@ -27,14 +27,17 @@
 mod avx2;
 mod build;
 mod bvh;
+mod merge;
 mod nearest;
+mod occluders;
 mod shaft;
 mod simd;
 mod triangle;
 
 pub use bvh::{Bvh, Hit};
 pub use nearest::Nearest;
-pub use shaft::{Shaft, ShaftResult};
+pub use occluders::Occluders;
+pub use shaft::{Body, Shaft, ShaftResult};
 pub use triangle::GUARD;
 
 use glam::DVec3;

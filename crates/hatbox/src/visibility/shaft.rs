@@ -1,6 +1,7 @@
 use super::build::WIDTH;
 use super::bvh::{Bvh, STACK};
 use super::simd::{Frame, LEAF_BIT, Node};
+use arrayvec::ArrayVec;
 use glam::DVec3;
 
 /// What a triangle may reach into a shaft, relative to the shaft's size, and still only touch it. Planes through the
@@ -9,10 +10,10 @@ const TOUCH: f64 = 1e-9;
 /// Error of the f32 test of boxes, in normalised coordinates, with room to spare.
 const BOX_ERROR: f32 = 4e-6;
 
-/// The union of all segments between two convex planar polygons: their convex hull, as half-spaces.
+/// The union of all segments between two convex bodies, planar polygons or boxes: their convex hull, as half-spaces.
 ///
-/// The facets of the hull of two convex polygons are planes through an edge of one and a corner of the other that have
-/// both polygons on one side, and the polygons' own planes where the other polygon lies on one side of them. Polygons
+/// The facets of the hull of two convex bodies are planes through an edge of one and a corner of the other that have
+/// both bodies on one side, and facets of the bodies themselves where the other body lies on one side of them. Polygons
 /// that see each other and have been clipped at each other's horizon are such, so their shaft stays in front of both.
 /// The box around both is added: it culls nodes early and settles axis-parallel rooms exactly. The shafts between boxes
 /// of Haines and Wallace (1991) are looser; for two polygons the hull is as cheap.
@@ -23,13 +24,58 @@ const BOX_ERROR: f32 = 4e-6;
 pub struct Shaft {
     /// Coordinates are relative to this corner, so that a scene far from the origin loses nothing.
     origin: DVec3,
-    /// Corners of the first polygon, then of the second.
-    corners: Vec<DVec3>,
+    /// Corners of the first body, then of the second.
+    corners: ArrayVec<DVec3, { 2 * MAX_CORNERS }>,
     /// Number of corners of the first.
     first: usize,
     /// (n, d): n·x ≤ d in the shaft, |n| = 1.
-    planes: Vec<(DVec3, f64)>,
+    planes: ArrayVec<(DVec3, f64), MAX_PLANES>,
     touch: f64,
+}
+
+/// Most corners of a body.
+const MAX_CORNERS: usize = 8;
+/// More planes than this are left out, which makes the shaft larger and stays right.
+const MAX_PLANES: usize = 40;
+
+/// One end of a shaft.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Body {
+    corners: ArrayVec<DVec3, MAX_CORNERS>,
+    flat: bool,
+}
+
+impl Body {
+    /// A convex planar polygon of up to eight corners, in order either way.
+    ///
+    /// # Panics
+    /// If it has no corners or more.
+    pub fn polygon(corners: &[DVec3]) -> Self {
+        assert!(!corners.is_empty(), "polygons have corners");
+        Self { corners: corners.iter().copied().collect(), flat: true }
+    }
+
+    /// The axis-parallel box between two corners.
+    pub fn cuboid(lo: DVec3, hi: DVec3) -> Self {
+        let corner = |k: usize| {
+            let pick = |axis: usize| if k >> axis & 1 == 0 { lo[axis] } else { hi[axis] };
+            DVec3::new(pick(0), pick(1), pick(2))
+        };
+        Self { corners: (0..8).map(corner).collect(), flat: false }
+    }
+
+    /// Its corners.
+    pub fn corners(&self) -> &[DVec3] {
+        &self.corners
+    }
+
+    /// Its edges as places of corners.
+    fn edges(&self) -> impl Iterator<Item = [usize; 2]> + use<> {
+        let (flat, count) = (self.flat, self.corners.len());
+        let polygon = (0..count).map(move |k| [k, (k + 1) % count]).filter(move |_| flat);
+        let cuboid = (0..8_usize).flat_map(|k| [1, 2, 4].map(|bit| [k, k | bit])).filter(move |[p, q]| !flat && p != q);
+        polygon.chain(cuboid)
+    }
 }
 
 /// What a shaft was found to contain.
@@ -47,20 +93,24 @@ impl Shaft {
     /// The shaft between two convex planar polygons, corners in order around each, either way.
     ///
     /// # Panics
-    /// If a polygon has no corners.
+    /// If a polygon has no corners, or more than eight.
     pub fn new(a: &[DVec3], b: &[DVec3]) -> Self {
-        assert!(!a.is_empty() && !b.is_empty(), "polygons have corners");
-        let origin = a[0];
-        let corners: Vec<DVec3> = a.iter().chain(b).map(|&corner| corner - origin).collect();
+        Self::between(&Body::polygon(a), &Body::polygon(b))
+    }
+
+    /// The shaft between two bodies.
+    pub fn between(a: &Body, b: &Body) -> Self {
+        let origin = a.corners[0];
+        let corners: ArrayVec<DVec3, _> = a.corners.iter().chain(&b.corners).map(|&corner| corner - origin).collect();
         let size = corners.iter().map(|c| c.length()).fold(0.0, f64::max);
-        let greatest = a.iter().chain(b).map(|c| c.abs().max_element()).fold(0.0, f64::max);
+        let greatest = a.corners.iter().chain(&b.corners).map(|c| c.abs().max_element()).fold(0.0, f64::max);
         let touch = TOUCH * size + 16.0 * f64::EPSILON * greatest;
-        let mut shaft = Self { origin, corners, first: a.len(), planes: Vec::with_capacity(24), touch };
+        let mut shaft = Self { origin, corners, first: a.corners.len(), planes: ArrayVec::new(), touch };
         for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
             shaft.push(axis);
             shaft.push(-axis);
         }
-        shaft.push_facets();
+        shaft.push_facets(a, b);
         shaft
     }
 
@@ -71,17 +121,20 @@ impl Shaft {
     }
 
     /// Adds the facets of the hull.
-    fn push_facets(&mut self) {
-        let [a, b] = self.polygons().map(|polygon| area_vector(polygon).normalize_or_zero());
-        self.push_cap(a);
-        self.push_cap(b);
+    fn push_facets(&mut self, a: &Body, b: &Body) {
+        // The faces of a cuboid are facets of the box around both, where they are any.
+        let normals = self.polygons().map(|polygon| area_vector(polygon).normalize_or_zero());
+        for (body, normal) in [a, b].into_iter().zip(normals) {
+            if body.flat {
+                self.push_cap(normal);
+            }
+        }
         let (first, count) = (self.first, self.corners.len());
-        for (own, other) in [(0..first, first..count), (first..count, 0..first)] {
-            for k in own.clone() {
-                let next = if k + 1 == own.end { own.start } else { k + 1 };
-                let edge = self.corners[next] - self.corners[k];
-                for q in other.clone() {
-                    self.push_facet(edge.cross(self.corners[q] - self.corners[k]));
+        for (own, body, other) in [(0, a, first..count), (first, b, 0..first)] {
+            for [p, q] in body.edges() {
+                let edge = self.corners[own + q] - self.corners[own + p];
+                for at in other.clone() {
+                    self.push_facet(edge.cross(self.corners[at] - self.corners[own + p]));
                 }
             }
         }
@@ -113,20 +166,21 @@ impl Shaft {
     fn push(&mut self, normal: DVec3) {
         let [_, offset] = range(&self.corners, normal);
         if normal != DVec3::ZERO && !self.planes.iter().any(|(n, _)| n.dot(normal) > 1.0 - 1e-15) {
-            self.planes.push((normal, offset));
+            // A plane more than there is room for would only make the shaft smaller.
+            let _ = self.planes.try_push((normal, offset));
         }
     }
 
-    /// Whether a triangle may block part of the view; if not, it is proven to touch the shaft at most.
-    pub fn may_block(&self, triangle: &[DVec3; 3]) -> bool {
-        let corners = triangle.map(|corner| corner - self.origin);
-        let outside = |(n, d): &(DVec3, f64)| corners.iter().all(|&corner| n.dot(corner) >= d - self.touch);
+    /// Whether a planar polygon may block part of the view; if not, it is proven to touch the shaft at most.
+    pub fn may_block(&self, polygon: &[DVec3]) -> bool {
+        let outside =
+            |(n, d): &(DVec3, f64)| polygon.iter().all(|&corner| n.dot(corner - self.origin) >= d - self.touch);
         if self.planes.iter().any(outside) {
             return false;
         }
         // In a convex room every wall has the whole shaft on one side.
-        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
-        let offset = normal.dot(corners[0]);
+        let normal = area_vector(polygon).normalize_or_zero();
+        let offset = normal.dot(polygon[0] - self.origin);
         let [lo, hi] = range(&self.corners, normal);
         lo < offset - self.touch && hi > offset + self.touch
     }

@@ -14,17 +14,25 @@ use std::f64::consts::PI;
 /// The most nodes that a rule of the ladder has, on two triangles.
 pub(super) const MAX_NODES: usize = 64;
 
-/// The a-priori error of a rule of degree p for a pair with η = (r_a + r_b)/distance, relative to A_a A_b/(π d²).
+/// The a-priori error of a rule that is exact to degree p, for a pair with η = (r_a + r_b)/distance, relative to
+/// A_a A_b/(π d²), as (C, e) of C (η/2)^e; `None` if the shape functions use up the whole degree.
 ///
-/// G is analytic on either side within a circle of radius d, so the error is C (η/2)^{p+1}; what the shape functions use
-/// up of the degree shifts the exponent. The constants are about twice the largest ratio met among random triangles with η
-/// up to 1; a test tries others.
-fn a_priori_error(rung: usize, functions_degree: usize, eta: f64) -> f64 {
-    const BOUND: [f64; LADDER.len()] = [2.0, 0.3, 0.25, 0.04];
-    if LADDER[rung] < functions_degree {
-        return f64::INFINITY;
-    }
-    BOUND[rung] * (0.5 * eta).powi((LADDER[rung] + 1 - functions_degree) as i32)
+/// G is analytic on either side within a circle of radius d, so e = p + 1; what the shape functions use up of the degree
+/// shifts it. The constants are about twice the largest ratio met among random triangles and parallelograms with η up to
+/// 1; a test tries others.
+pub(in crate::assemble) fn a_priori_error_factors(exact: usize, functions_degree: usize) -> Option<(f64, usize)> {
+    let constant = match exact {
+        0 | 1 => 2.0,
+        2 | 3 => 0.3,
+        4 | 5 => 0.25,
+        _ => 0.04,
+    };
+    (exact >= functions_degree).then(|| (constant, exact + 1 - functions_degree))
+}
+
+/// The same as a number.
+fn a_priori_error(exact: usize, functions_degree: usize, eta: f64) -> f64 {
+    a_priori_error_factors(exact, functions_degree).map_or(f64::INFINITY, |(c, e)| c * (0.5 * eta).powi(e as i32))
 }
 
 /// The block by the cheapest rule that is accurate enough; `None` if none is.
@@ -37,12 +45,15 @@ pub(super) fn far(a: &Panel, on_a: &Region, b: &Panel, on_b: &Region, accuracy: 
     }
     let cosines = (a.normal().dot(d) * -b.normal().dot(d) / d2).max(0.0);
     let needed = accuracy.tolerance * cosines.max(PI * d2 / accuracy.total_area);
-    // On a quad that is no parallelogram, bilinear functions and the Jacobian are no polynomials of degree 1.
-    let degree_of = |panel: &Panel| if panel.functions.is_some() { panel.element.degree } else { 2 };
-    let degree = degree_of(a).max(degree_of(b));
-    let rung = (0..LADDER.len()).find(|&rung| a_priori_error(rung, degree, eta) <= needed)?;
+    let degree = a.functions_degree().max(b.functions_degree());
+    let error = |rung: usize| {
+        // A part of a panel is triangles.
+        let exactness = |panel: &Panel, on: &Region| if on.whole { panel.exactness[rung] } else { LADDER[rung] };
+        a_priori_error(exactness(a, on_a).min(exactness(b, on_b)), degree, eta)
+    };
+    let rung = (0..LADDER.len()).find(|&rung| error(rung) <= needed)?;
     let mut block = product(&Nodes::on(a, on_a, rung), &Nodes::on(b, on_b, rung), a, b);
-    block.quadrature_error = a_priori_error(rung, degree, eta) * a.area() * b.area() / (PI * d2);
+    block.quadrature_error = error(rung) * a.area() * b.area() / (PI * d2);
     Some(block)
 }
 
@@ -155,7 +166,7 @@ mod tests {
                 for (rung, worst) in worst.iter_mut().enumerate() {
                     let block = product(&Nodes::on(&a, &on_a, rung), &Nodes::on(&b, &on_b, rung), &a, &b);
                     let relative = block.distance(&exact) * PI * d * d / (a.area() * b.area());
-                    *worst = worst.max(relative / (a_priori_error(rung, element.degree, eta) + 1e-15));
+                    *worst = worst.max(relative / (a_priori_error(LADDER[rung], element.degree, eta) + 1e-15));
                 }
             }
             assert!(worst.iter().all(|&w| w < 1.0), "{}: {worst:?}", element.name);

@@ -4,13 +4,17 @@
 //! |---|---|
 //! | coplanar, behind each other, or proven hidden | exactly 0 |
 //! | far | symmetric Gauss on both sides, of the smallest degree whose a-priori error is small enough |
+//! | near, constant functions on both sides | integrals along the edges (`contour`) |
 //! | sharing an edge or a corner, uncut | Sauter–Schwab, order n raised until two orders agree |
 //! | near, or cut by the other's horizon | closed-form inner integral, adaptive outer rule |
 //! | near, and no closed form (bilinear on a trapezium) | the pair is subdivided |
-//! | partially hidden | the unoccluded block, corrected by low-discrepancy rays (`sampled`) |
+//! | partially hidden by a few convex polygons | the visible part cut out and integrated in closed form (`clipped`) |
+//! | partially hidden by more | the unoccluded block, corrected by low-discrepancy rays (`sampled`) |
 //!
 //! Every rule returns an error estimate along with its block.
 
+mod clipped;
+mod contour;
 mod gauss;
 mod near;
 mod point;
@@ -24,6 +28,8 @@ pub use region::Facing;
 use super::Panel;
 use crate::element::MAX_DOFS;
 use glam::DVec3;
+pub(super) use gauss::a_priori_error_factors;
+pub(crate) use region::FLAT;
 pub(super) use region::Region;
 
 /// What is known of the sight between two panels.
@@ -33,6 +39,8 @@ pub enum Sight<'a> {
     Clear,
     /// They cannot see each other.
     Blocked,
+    /// These convex planar polygons may be between them, and nothing else; at most sixteen.
+    Behind(&'a [&'a [DVec3]]),
     /// Something may be between them; ask whether it hides one point from another.
     Partial(&'a (dyn Fn(DVec3, DVec3) -> bool + Sync)),
 }
@@ -149,6 +157,7 @@ pub fn facing_block(
     match sight {
         Sight::Blocked => Block::zeros(a, b),
         Sight::Clear => unoccluded(a, b, facing, accuracy),
+        Sight::Behind(polygons) => clipped::block(a, b, facing, polygons, weights, accuracy),
         Sight::Partial(hides) => {
             let block = unoccluded(a, b, facing, accuracy);
             sampled::Sampling { a, b, facing, weights, accuracy }.visible_part(&block, hides)
@@ -160,6 +169,9 @@ pub fn facing_block(
 fn unoccluded(a: &Panel, b: &Panel, Facing { first, second }: &Facing, accuracy: &Accuracy) -> Block {
     if let Some(block) = gauss::far(a, first, b, second, accuracy) {
         return block;
+    }
+    if a.element.degree == 0 && b.element.degree == 0 {
+        return contour::block(a, first, b, second, accuracy);
     }
     if first.whole && second.whole && touching::shares_a_corner(a, b) {
         return touching::block(a, b, accuracy);

@@ -5,12 +5,13 @@
 //! is what every other rule falls back to.
 
 use super::gauss::{Nodes, product};
-use super::region::triangle_area;
+use super::region::{POLYGON, triangle_area};
 use super::{Accuracy, Block, Region};
 use crate::assemble::Panel;
 use crate::element::{MAX_DOFS, Shape};
 use crate::kernel::Moments;
 use crate::quadrature::rule;
+use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 
 /// Degrees of the outer rule and of the one that checks it.
@@ -22,31 +23,31 @@ const MAX_PIECES: usize = 4096;
 
 /// The block by closed form where there is one, by subdivision otherwise.
 pub(super) fn block(a: &Panel, on_a: &Region, b: &Panel, on_b: &Region, accuracy: &Accuracy) -> Block {
+    let budget = |sum: f64| accuracy.budget(a, b, sum);
     // The larger element inside, where a closed form exists.
     let b_inside = b.functions.is_some() && (a.functions.is_none() || a.area() <= b.area());
     if b_inside {
-        Outer { inner: Inner::new(b, on_b), panel: a, source: b }.integrate(on_a, accuracy)
+        let inner = Inner::new(b, on_b.corners());
+        Outer { panel: a, source: b, at: &|x| inner.at(x, a.normal()), degrees: OUTER }.integrate(on_a, &budget)
     } else if a.functions.is_some() {
-        Outer { inner: Inner::new(a, on_a), panel: b, source: a }.integrate(on_b, accuracy).transposed()
+        let inner = Inner::new(a, on_a.corners());
+        let outer = Outer { panel: b, source: a, at: &|x| inner.at(x, b.normal()), degrees: OUTER };
+        outer.integrate(on_b, &budget).transposed()
     } else {
         subdivided(a, on_a, b, on_b, accuracy)
     }
 }
 
-/// x ↦ ∫N_k(y) G(x, y) dA(y) over a region of a panel.
+/// x ↦ ∫N_k(y) G(x, y) dA(y) over a part of a panel.
 pub(super) struct Inner<'a> {
     panel: &'a Panel,
-    polygon: [DVec2; 8],
-    len: usize,
+    polygon: ArrayVec<DVec2, POLYGON>,
 }
 
 impl<'a> Inner<'a> {
-    pub(super) fn new(panel: &'a Panel, region: &Region) -> Self {
-        let mut polygon = [DVec2::ZERO; 8];
-        for (p, &corner) in polygon.iter_mut().zip(region.corners()) {
-            *p = panel.plane.project(corner);
-        }
-        Self { panel, polygon, len: region.corners().len() }
+    /// `corners` are those of the part, a polygon of the panel's plane.
+    pub(super) fn new(panel: &'a Panel, corners: &[DVec3]) -> Self {
+        Self { panel, polygon: corners.iter().map(|&corner| panel.plane.project(corner)).collect() }
     }
 
     pub(super) fn at(&self, x: DVec3, normal: DVec3) -> [f64; MAX_DOFS] {
@@ -58,7 +59,7 @@ impl<'a> Inner<'a> {
             _ if functions.iter().any(|f| f[3..].iter().any(|&c| c != 0.0)) => 2,
             degree => degree,
         };
-        let moments = Moments::new(&self.panel.plane, &self.polygon[..self.len], x, normal, degree);
+        let moments = Moments::new(&self.panel.plane, &self.polygon, x, normal, degree);
         let mut values = [0.0; MAX_DOFS];
         for (value, function) in values.iter_mut().zip(functions) {
             *value = moments.integrate(function);
@@ -68,10 +69,13 @@ impl<'a> Inner<'a> {
 }
 
 /// The outer integral, over the panel that receives.
-struct Outer<'a> {
-    inner: Inner<'a>,
-    panel: &'a Panel,
-    source: &'a Panel,
+pub(super) struct Outer<'a> {
+    pub(super) panel: &'a Panel,
+    pub(super) source: &'a Panel,
+    /// What a point receives from each function of the source.
+    pub(super) at: &'a dyn Fn(DVec3) -> [f64; MAX_DOFS],
+    /// Degrees of the rule and of the one that checks it.
+    pub(super) degrees: [usize; 2],
 }
 
 /// A triangle of the outer panel with its integral and the error of that.
@@ -83,14 +87,14 @@ struct Piece {
 
 impl Outer<'_> {
     /// Splits the piece with the largest error until the sum of the errors is within the budget.
-    fn integrate(&self, region: &Region, accuracy: &Accuracy) -> Block {
+    pub(super) fn integrate(&self, region: &Region, budget: &dyn Fn(f64) -> f64) -> Block {
         let mut pieces: Vec<Piece> = region.triangles().map(|t| self.piece(t, 0)).collect();
         loop {
             let mut total = Block::zeros(self.panel, self.source);
             for piece in &pieces {
                 total.accumulate(&piece.block);
             }
-            let budget = accuracy.budget(self.panel, self.source, total.sum());
+            let budget = budget(total.sum());
             if total.quadrature_error <= budget || pieces.len() >= MAX_PIECES {
                 return total;
             }
@@ -109,7 +113,7 @@ impl Outer<'_> {
     }
 
     fn piece(&self, triangle: [DVec3; 3], depth: usize) -> Piece {
-        let [mut block, check] = OUTER.map(|degree| self.rule(&triangle, degree));
+        let [mut block, check] = self.degrees.map(|degree| self.rule(&triangle, degree));
         block.quadrature_error = block.distance(&check);
         Piece { triangle, depth, block }
     }
@@ -121,7 +125,7 @@ impl Outer<'_> {
         let area = triangle_area(triangle);
         for (&[u, v], weight) in rule.points.iter().zip(&rule.weights) {
             let x = triangle[0] * (1.0 - u - v) + triangle[1] * u + triangle[2] * v;
-            block.add(weight * area, &self.panel.values(x), &self.inner.at(x, self.panel.normal()));
+            block.add(weight * area, &self.panel.values(x), &(self.at)(x));
         }
         block
     }

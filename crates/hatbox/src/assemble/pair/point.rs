@@ -26,7 +26,7 @@ pub fn point_row(panel: &Panel, x: DVec3, n: DVec3) -> Option<[f64; MAX_DOFS]> {
         return Some(sum(&Nodes::on(panel, &region, FAR_RUNG), panel, x, n));
     }
     if panel.functions.is_some() {
-        return Some(Inner::new(panel, &region).at(x, n));
+        return Some(Inner::new(panel, region.corners()).at(x, n));
     }
     let mut total = [0.0; MAX_DOFS];
     for triangle in region.triangles() {

@@ -1,6 +1,7 @@
 //! The part of a panel that another can see: clipping at the horizon.
 
 use crate::mesh::Patch;
+use arrayvec::ArrayVec;
 use glam::DVec3;
 
 /// Two patches that see each other but for what stands between: each cut at the other's horizon.
@@ -23,6 +24,31 @@ impl Facing {
     }
 }
 
+/// Corners of a planar convex polygon that is cut and cut again.
+pub(crate) type Polygon = ArrayVec<DVec3, POLYGON>;
+
+/// Most corners of such a polygon: a cut adds one at the most.
+pub(crate) const POLYGON: usize = 32;
+
+/// The part of a convex polygon where a linear function is positive (Sutherland and Hodgman).
+pub(crate) fn clip(polygon: &[DVec3], height: impl Fn(DVec3) -> f64) -> Polygon {
+    let mut part = Polygon::new();
+    let Some(&last) = polygon.last() else { return part };
+    let (mut from, mut h_from) = (last, height(last));
+    for &corner in polygon {
+        let h = height(corner);
+        if (h > 0.0 && h_from < 0.0) || (h < 0.0 && h_from > 0.0) {
+            // A polygon that is full would lose a corner's sliver.
+            let _ = part.try_push(from.lerp(corner, h_from / (h_from - h)));
+        }
+        if h >= 0.0 {
+            let _ = part.try_push(corner);
+        }
+        (from, h_from) = (corner, h);
+    }
+    part
+}
+
 /// A planar convex polygon: a panel, or what is left of it in front of another panel's plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Region {
@@ -36,7 +62,7 @@ const MAX_CORNERS: usize = 6;
 
 /// Corners closer to a plane than this fraction of the pair's size lie in it: files hold single-precision coordinates,
 /// and walls that are flat in the file stay flat for the light. What is neglected is of the order of its square.
-const FLAT: f64 = 1e-6;
+pub(crate) const FLAT: f64 = 1e-6;
 
 impl Region {
     /// The part of `patch` in front of the plane of `other`, `None` if there is none. `size` is that of the pair.
@@ -126,6 +152,11 @@ impl Region {
         }
         point
     }
+}
+
+/// The area of a convex polygon in space.
+pub(crate) fn polygon_area(corners: &[DVec3]) -> f64 {
+    (2..corners.len()).map(|k| triangle_area(&[corners[0], corners[k - 1], corners[k]])).sum()
 }
 
 /// The area of a triangle in space.

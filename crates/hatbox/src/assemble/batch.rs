@@ -1,0 +1,444 @@
+//! Clear pairs eight at a time: one panel against eight of the same element, coordinate by coordinate.
+//!
+//! Most pairs of a scene are far from each other and see each other fully. What such a pair costs is not its few kernel
+//! evaluations but everything around them: looking the panels up, deciding on a rule, calling a function. Here
+//! [`LANES`] panels lie side by side in memory, and every step (do they face each other, which rule is accurate enough,
+//! the kernel at the nodes) is one instruction for all. The eight take the rule that the most demanding of them needs.
+//! Pairs that are clipped at a horizon, or too near for the Gauss rules, are handed back.
+//!
+//! Four kernel values share one division, which is what the processor is slowest at: a/p + b/q is (aq + bp)/(pq).
+//! And the panels are flat, so that of G = cosθ_a r · cosθ_b r / (π r⁴) only r depends on both points.
+
+use super::pair::{a_priori_error_factors, FLAT};
+use super::panel::{LADDER, Panel};
+use super::Accuracy;
+use crate::element::{Element, MAX_DOFS};
+use glam::DVec3;
+use std::f64::consts::{FRAC_1_PI, PI};
+
+/// Panels in a chunk.
+pub const LANES: usize = 8;
+
+/// The most nodes that a rule of the ladder has, on a triangle or a quad.
+const MAX_NODES: usize = 25;
+
+/// One number for each lane.
+type Lanes = [f64; LANES];
+
+/// One vector for each lane.
+#[derive(Debug, Clone, Copy)]
+struct Vectors {
+    x: Lanes,
+    y: Lanes,
+    z: Lanes,
+}
+
+impl Vectors {
+    const ZERO: Self = Self { x: [0.0; LANES], y: [0.0; LANES], z: [0.0; LANES] };
+
+    fn set(&mut self, lane: usize, v: DVec3) {
+        (self.x[lane], self.y[lane], self.z[lane]) = (v.x, v.y, v.z);
+    }
+
+    #[inline(always)]
+    fn at(&self, lane: usize) -> DVec3 {
+        DVec3::new(self.x[lane], self.y[lane], self.z[lane])
+    }
+}
+
+/// A quadrature node of each lane.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    at: Vectors,
+    /// Weight in m², divided by π.
+    weight: Lanes,
+}
+
+/// Up to [`LANES`] panels of one element that follow each other.
+#[derive(Debug, Clone)]
+struct Chunk {
+    element: &'static Element,
+    /// The first panel and their number.
+    first: usize,
+    len: usize,
+    /// The greatest degree that their shape functions use up.
+    degree: usize,
+    /// Exactness of the rungs of the ladder.
+    exactness: [usize; LADDER.len()],
+    corners: Vec<Vectors>,
+    normal: Vectors,
+    center: Vectors,
+    radius: Lanes,
+    area: Lanes,
+    longest_edge: Lanes,
+    nodes: [Vec<Node>; LADDER.len()],
+    tables: [&'static [[f64; MAX_DOFS]]; LADDER.len()],
+}
+
+/// What a chunk says about a panel, by lanes.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// The entries of each block, row by row.
+    pub values: [Lanes; MAX_DOFS * MAX_DOFS],
+    /// Bound of the quadrature error of each block, as an error of ∬G in m².
+    pub errors: Lanes,
+    /// Bit k: lane k's block is in `values`.
+    pub done: u32,
+    /// Bit k: lane k's pair is clipped or too near and has to be integrated on its own.
+    pub rest: u32,
+}
+
+impl Default for Found {
+    fn default() -> Self {
+        Self { values: [[0.0; LANES]; MAX_DOFS * MAX_DOFS], errors: [0.0; LANES], done: 0, rest: 0 }
+    }
+}
+
+/// Panels side by side.
+#[derive(Debug, Clone)]
+pub struct Batch {
+    chunks: Vec<Chunk>,
+    /// The chunk of each panel.
+    chunk_of: Vec<u32>,
+}
+
+impl Batch {
+    /// Of panels in the order in which they will be asked for.
+    pub fn new(panels: &[&Panel]) -> Self {
+        let mut chunks: Vec<Chunk> = Vec::new();
+        let mut chunk_of = Vec::with_capacity(panels.len());
+        for (index, panel) in panels.iter().enumerate() {
+            let fits = |chunk: &Chunk| chunk.len < LANES && std::ptr::eq(chunk.element, panel.element);
+            if !chunks.last().is_some_and(fits) {
+                chunks.push(Chunk::new(panel, index));
+            }
+            let last = chunks.len() - 1;
+            chunks[last].push(panel);
+            chunk_of.push(last as u32);
+        }
+        Self { chunks, chunk_of }
+    }
+
+    /// Calls `take(k, first, found)` with the blocks S_ab of the k-th panel a of `rows` and the panels b of `range`, chunk
+    /// by chunk: lane l is panel `first` + l. Panels that face away are in neither of its masks.
+    ///
+    /// A chunk stays in the processor's nearest memory while all of the rows look at it, so a few dozen rows at a time
+    /// are several times as fast as one.
+    pub fn blocks(
+        &self,
+        rows: &[&Panel],
+        range: std::ops::Range<usize>,
+        accuracy: &Accuracy,
+        mut take: impl FnMut(usize, usize, &Found),
+    ) {
+        let mut found = Found::default();
+        let mut at = range.start;
+        while at < range.end {
+            let chunk = &self.chunks[self.chunk_of[at] as usize];
+            let end = range.end.min(chunk.first + chunk.len);
+            let wanted = (1_u32 << (end - chunk.first)) - (1 << (at - chunk.first));
+            for (k, a) in rows.iter().enumerate() {
+                evaluate(a, chunk, wanted, accuracy, &mut found);
+                if found.done | found.rest != 0 {
+                    take(k, chunk.first, &found);
+                }
+            }
+            at = end;
+        }
+    }
+
+    /// The same for one panel and those of the panels from `start` on whose bit is set.
+    pub fn masked(&self, a: &Panel, start: usize, mask: u64, accuracy: &Accuracy, mut take: impl FnMut(usize, &Found)) {
+        let mut found = Found::default();
+        let mut left = mask;
+        while left != 0 {
+            let at = start + left.trailing_zeros() as usize;
+            let chunk = &self.chunks[self.chunk_of[at] as usize];
+            // The chunk's panels may begin before `start`.
+            let all = if chunk.first >= start { left >> (chunk.first - start) } else { left << (start - chunk.first) };
+            let wanted = (all & ((1 << chunk.len) - 1)) as u32;
+            evaluate(a, chunk, wanted, accuracy, &mut found);
+            if found.done | found.rest != 0 {
+                take(chunk.first, &found);
+            }
+            let next = chunk.first + chunk.len - start;
+            left = if next < 64 { left >> next << next } else { 0 };
+        }
+    }
+}
+
+impl Chunk {
+    fn new(panel: &Panel, first: usize) -> Self {
+        Self {
+            element: panel.element,
+            first,
+            len: 0,
+            degree: 0,
+            exactness: panel.exactness,
+            corners: vec![Vectors::ZERO; panel.patch.corners().len()],
+            normal: Vectors::ZERO,
+            center: Vectors::ZERO,
+            radius: [0.0; LANES],
+            area: [0.0; LANES],
+            longest_edge: [0.0; LANES],
+            nodes: [0, 1, 2, 3].map(|rung| {
+                let zero = Node { at: Vectors::ZERO, weight: [0.0; LANES] };
+                vec![zero; panel.tabulated(rung).len()]
+            }),
+            tables: [0, 1, 2, 3].map(|rung| panel.tabulated(rung)),
+        }
+    }
+
+    fn push(&mut self, panel: &Panel) {
+        let lane = self.len;
+        self.len += 1;
+        self.degree = self.degree.max(panel.functions_degree());
+        for (corners, &corner) in self.corners.iter_mut().zip(panel.patch.corners()) {
+            corners.set(lane, corner);
+        }
+        self.normal.set(lane, panel.normal());
+        self.center.set(lane, panel.center);
+        self.radius[lane] = panel.radius;
+        self.area[lane] = panel.area();
+        self.longest_edge[lane] = panel.longest_edge;
+        for (nodes, points) in self.nodes.iter_mut().zip(&panel.ladder) {
+            for (k, node) in nodes.iter_mut().enumerate() {
+                node.at.set(lane, points.at(k));
+                node.weight[lane] = FRAC_1_PI * points.weight[k];
+            }
+        }
+    }
+}
+
+/// Fills `found` with the blocks of a panel and the lanes of a chunk that are `wanted`.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+fma", "x86_64+avx2+fma", "aarch64+neon"))]
+fn evaluate(a: &Panel, chunk: &Chunk, wanted: u32, accuracy: &Accuracy, found: &mut Found) {
+    let place = Place::new(a, chunk);
+    let whole = place.surely_whole & wanted;
+    (found.done, found.rest) = (whole, 0);
+    if whole != wanted {
+        let (facing, whole) = facing(a, chunk);
+        (found.done, found.rest) = (facing & whole & wanted, facing & !whole & wanted);
+    }
+    if found.done == 0 {
+        return;
+    }
+    let Some((rung, accurate)) = choose(a, chunk, &place, accuracy, found.done, &mut found.errors) else {
+        found.rest |= found.done;
+        found.done = 0;
+        return;
+    };
+    found.rest |= found.done & !accurate;
+    found.done &= accurate;
+    if a.element.dofs() == 1 && chunk.element.dofs() == 1 {
+        found.values[0] = constants(a, chunk, rung);
+    } else {
+        functions(a, chunk, rung, &mut found.values);
+    }
+}
+
+/// w_q cosθ_a r at the nodes of a chunk: the panel is flat, so it is the same from all of its points.
+#[inline(always)]
+fn weighted_heights(a: &Panel, nodes: &[Node], out: &mut [Lanes; MAX_NODES]) {
+    let (origin, n) = (a.patch.corners()[0], a.normal());
+    for q in 0..nodes.len() {
+        let node = &nodes[q];
+        for lane in 0..LANES {
+            out[q][lane] = node.weight[lane] * greater((node.at.at(lane) - origin).dot(n), 0.0);
+        }
+    }
+}
+
+/// cosθ_b r at a point: the panels of the chunk are flat, so it is the same for all of their nodes.
+#[inline(always)]
+fn height_above(chunk: &Chunk, x: DVec3, lane: usize) -> f64 {
+    greater((x - chunk.corners[0].at(lane)).dot(chunk.normal.at(lane)), 0.0)
+}
+
+/// r⁴ between a point and a node.
+#[inline(always)]
+fn fourth_power(x: DVec3, node: &Node, lane: usize) -> f64 {
+    let r2 = (node.at.at(lane) - x).length_squared();
+    r2 * r2
+}
+
+/// ∬G by the rung's rules on both sides.
+#[inline(always)]
+fn constants(a: &Panel, chunk: &Chunk, rung: usize) -> Lanes {
+    let (points, nodes) = (&a.ladder[rung], &chunk.nodes[rung][..]);
+    let mut weights = [[0.0; LANES]; MAX_NODES];
+    weighted_heights(a, nodes, &mut weights);
+    let (fours, single) = nodes.as_chunks::<4>();
+    let (weights, weights_single) = (&weights[..nodes.len()]).as_chunks::<4>();
+    let mut total = [0.0; LANES];
+    for p in 0..points.len() {
+        let x = points.at(p);
+        let mut sum = [0.0; LANES];
+        for (four, w) in fours.iter().zip(weights) {
+            for lane in 0..LANES {
+                let (p, q) = (fourth_power(x, &four[0], lane), fourth_power(x, &four[1], lane));
+                let (r, s) = (fourth_power(x, &four[2], lane), fourth_power(x, &four[3], lane));
+                let (pq, rs) = (p * q, r * s);
+                let first = w[0][lane] * q + w[1][lane] * p;
+                let second = w[2][lane] * s + w[3][lane] * r;
+                sum[lane] += (first * rs + second * pq) / (pq * rs);
+            }
+        }
+        for (node, w) in single.iter().zip(weights_single) {
+            for lane in 0..LANES {
+                sum[lane] += w[lane] / fourth_power(x, node, lane);
+            }
+        }
+        for lane in 0..LANES {
+            total[lane] += points.weight[p] * height_above(chunk, x, lane) * sum[lane];
+        }
+    }
+    total
+}
+
+/// ∬N_k N_l G by the rung's rules on both sides.
+#[inline(always)]
+fn functions(a: &Panel, chunk: &Chunk, rung: usize, values: &mut [Lanes; MAX_DOFS * MAX_DOFS]) {
+    let (points, nodes) = (&a.ladder[rung], &chunk.nodes[rung][..]);
+    let (on_a, on_b) = (a.tabulated(rung), chunk.tables[rung]);
+    let (rows, columns) = (a.element.dofs(), chunk.element.dofs());
+    values[..rows * columns].fill([0.0; LANES]);
+    let mut weights = [[0.0; LANES]; MAX_NODES];
+    weighted_heights(a, nodes, &mut weights);
+    for p in 0..points.len() {
+        let x = points.at(p);
+        let mut row = [[0.0; LANES]; MAX_DOFS];
+        let mut g = [0.0; LANES];
+        for q in 0..nodes.len() {
+            for lane in 0..LANES {
+                g[lane] = weights[q][lane] / fourth_power(x, &nodes[q], lane);
+            }
+            for l in 0..columns {
+                for lane in 0..LANES {
+                    row[l][lane] += on_b[q][l] * g[lane];
+                }
+            }
+        }
+        for lane in 0..LANES {
+            g[lane] = points.weight[p] * height_above(chunk, x, lane);
+        }
+        for (k, l) in (0..rows).flat_map(|k| (0..columns).map(move |l| (k, l))) {
+            for lane in 0..LANES {
+                values[k * columns + l][lane] += on_a[p][k] * g[lane] * row[l][lane];
+            }
+        }
+    }
+}
+
+/// The greater of two numbers, as one instruction: neither is NaN.
+#[inline(always)]
+fn greater(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// How the lanes of a chunk lie towards a panel.
+struct Place {
+    /// cosθ_a d and cosθ_b d, d being the distance of the centres.
+    at_a: Lanes,
+    at_b: Lanes,
+    inverse_d2: Lanes,
+    /// Lanes where the bounding spheres already prove that both lie wholly in front of each other.
+    surely_whole: u32,
+}
+
+impl Place {
+    #[inline(always)]
+    fn new(a: &Panel, chunk: &Chunk) -> Self {
+        let (n, zero) = (a.normal(), [0.0; LANES]);
+        let mut place = Self { at_a: zero, at_b: zero, inverse_d2: zero, surely_whole: 0 };
+        let mut margin = zero;
+        for lane in 0..LANES {
+            let d = chunk.center.at(lane) - a.center;
+            place.at_a[lane] = d.dot(n);
+            place.at_b[lane] = -d.dot(chunk.normal.at(lane));
+            place.inverse_d2[lane] = 1.0 / d.dot(d);
+            margin[lane] = -greater(chunk.radius[lane] - place.at_a[lane], a.radius - place.at_b[lane]);
+        }
+        for (lane, margin) in margin.into_iter().enumerate() {
+            place.surely_whole |= u32::from(margin >= 0.0) << lane;
+        }
+        place
+    }
+}
+
+/// Masks of the lanes that face the panel at all, and of those where both lie wholly in front of each other.
+#[inline(always)]
+fn facing(a: &Panel, chunk: &Chunk) -> (u32, u32) {
+    let (corners, normal) = (a.patch.corners(), a.normal());
+    let longest = a.longest_edge;
+    let (mut lo, mut hi) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
+    let (mut above, mut below) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
+    for corner in &chunk.corners {
+        for lane in 0..LANES {
+            let height = normal.dot(corner.at(lane) - corners[0]);
+            lo[lane] = -greater(-lo[lane], -height);
+            hi[lane] = greater(hi[lane], height);
+        }
+    }
+    for &corner in corners {
+        for lane in 0..LANES {
+            let height = chunk.normal.at(lane).dot(corner - chunk.corners[0].at(lane));
+            above[lane] = -greater(-above[lane], -height);
+            below[lane] = greater(below[lane], height);
+        }
+    }
+    let (mut facing, mut whole) = (0, 0);
+    for lane in 0..LANES {
+        let flat = FLAT * (longest + chunk.longest_edge[lane]);
+        facing |= u32::from(below[lane] > flat && hi[lane] > flat) << lane;
+        whole |= u32::from(above[lane] >= -flat && lo[lane] >= -flat) << lane;
+    }
+    (facing, whole)
+}
+
+/// The rung that is accurate enough for those of the lanes `among` for which any is; their mask, and the errors.
+#[inline(always)]
+fn choose(
+    a: &Panel,
+    chunk: &Chunk,
+    place: &Place,
+    accuracy: &Accuracy,
+    among: u32,
+    errors: &mut Lanes,
+) -> Option<(usize, u32)> {
+    let (mut half_eta, mut needed, mut scale) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+    let mean = PI / accuracy.total_area;
+    for lane in 0..LANES {
+        let inverse = place.inverse_d2[lane];
+        half_eta[lane] = 0.5 * (a.radius + chunk.radius[lane]) * inverse.sqrt();
+        let cosines = place.at_a[lane] * place.at_b[lane];
+        needed[lane] = accuracy.tolerance * greater(cosines * inverse, mean / inverse);
+        scale[lane] = a.area() * FRAC_1_PI * chunk.area[lane] * inverse;
+    }
+    let degree = a.functions_degree().max(chunk.degree);
+    let mut best = None;
+    for rung in 0..LADDER.len() {
+        let exact = a.exactness[rung].min(chunk.exactness[rung]);
+        let Some((bound, exponent)) = a_priori_error_factors(exact, degree) else { continue };
+        let mut error = [bound; LANES];
+        for _ in 0..exponent {
+            for lane in 0..LANES {
+                error[lane] *= half_eta[lane];
+            }
+        }
+        let mut excess = [0.0; LANES];
+        for lane in 0..LANES {
+            excess[lane] = greater(error[lane] - needed[lane], half_eta[lane] - 0.5);
+            errors[lane] = error[lane] * scale[lane];
+        }
+        let accurate = (0..LANES).fold(0, |mask, lane| mask | u32::from(excess[lane] <= 0.0) << lane);
+        let accurate = accurate & among;
+        if accurate != 0 {
+            best = Some((rung, accurate));
+        }
+        if accurate == among {
+            break;
+        }
+    }
+    best
+}

@@ -1,0 +1,181 @@
+//! Partially hidden pairs, exactly: the visible part of the source is cut out at every point of the receiver.
+//!
+//! Seen from a point, a convex polygon hides a cone. What is left of the source is a few convex pieces, each of which is
+//! integrated in closed form; only the integral over the receiver is numerical, of a function that is continuous and
+//! has kinks where edges of shadows cross. The panel that the blockers are farther from is the receiver: shadows there
+//! are softer, and right at a blocker's foot they jump.
+//!
+//! Where no point sees a blocker although one is there, the error is not zero: the corners are asked as well, and what
+//! they lose, or what one undiscovered point would mean, is the error. That keeps the estimate honest about slivers.
+
+use super::near::{Inner, Outer};
+use super::region::{POLYGON, Polygon, clip, polygon_area};
+use super::{Accuracy, Block, Facing, Region, sampled};
+use crate::assemble::Panel;
+use crate::element::MAX_DOFS;
+use glam::DVec3;
+use std::cell::Cell;
+use std::f64::consts::PI;
+
+/// Degrees of the outer rule and of the one that checks it.
+const OUTER: [usize; 2] = [5, 2];
+/// Pieces of a source at the most; what is hidden of further ones counts as visible.
+const MAX_PIECES: usize = 64;
+/// Blockers closer to a point's line of sight than this, relative to their distance, are seen edge-on.
+const EDGE_ON: f64 = 1e-12;
+
+/// The block of two panels with the convex polygons that may stand between.
+pub(super) fn block(
+    a: &Panel,
+    b: &Panel,
+    facing: &Facing,
+    polygons: &[&[DVec3]],
+    weights: [f64; 2],
+    accuracy: &Accuracy,
+) -> Block {
+    // Only what lies in front of both planes can hide one from the other.
+    let between = |polygon: &&[DVec3]| {
+        let above_a = clip(polygon, |p| a.normal().dot(p - a.patch.corners()[0]));
+        let above_both = clip(&above_a, |p| b.normal().dot(p - b.patch.corners()[0]));
+        (above_both.len() >= 3).then_some(above_both)
+    };
+    let blockers: Vec<Polygon> = polygons.iter().filter_map(between).collect();
+    let distance = |panel: &Panel| -> f64 {
+        let corners = || blockers.iter().flatten();
+        let height = |p: &DVec3| panel.normal().dot(*p - panel.patch.corners()[0]);
+        corners().map(height).fold(f64::INFINITY, f64::min) / panel.radius
+    };
+    let closed = [a, b].map(|panel| panel.functions.is_some());
+    let a_outside = closed[1] && (!closed[0] || distance(a) >= distance(b));
+    if a_outside {
+        Shadow { receiver: a, on: &facing.first, source: b, from: &facing.second, blockers, affected: Cell::new(false) }
+            .block(weights, accuracy)
+    } else if closed[0] {
+        Shadow { receiver: b, on: &facing.second, source: a, from: &facing.first, blockers, affected: Cell::new(false) }
+            .block([weights[1], weights[0]], accuracy)
+            .transposed()
+    } else {
+        let hides = |x: DVec3, y: DVec3| blockers.iter().any(|polygon| crosses(x, y, polygon));
+        let block = super::unoccluded(a, b, facing, accuracy);
+        sampled::Sampling { a, b, facing, weights, accuracy }.visible_part(&block, &hides)
+    }
+}
+
+/// A receiver, a source, and what hides parts of it.
+struct Shadow<'a> {
+    receiver: &'a Panel,
+    on: &'a Region,
+    source: &'a Panel,
+    from: &'a Region,
+    blockers: Vec<Polygon>,
+    /// Whether a point of the receiver has missed any of the source.
+    affected: Cell<bool>,
+}
+
+impl Shadow<'_> {
+    fn block(&self, weights: [f64; 2], accuracy: &Accuracy) -> Block {
+        // Errors of a row's pairs are independent and add in squares: with err² ≤ τ² A s for each, a row's error is at
+        // most τ A √(Σs/A) ≤ τ A.
+        let area = (self.receiver.area() / weights[0]).min(self.source.area() / weights[1]);
+        let scale = (self.receiver.area() * self.source.area() / accuracy.total_area).min(area);
+        let budget = |sum: f64| accuracy.tolerance * (sum.clamp(scale, area) * area).sqrt();
+        let at = |x: DVec3| self.irradiance(x);
+        let outer = Outer { panel: self.receiver, source: self.source, at: &at, degrees: OUTER };
+        let mut block = outer.integrate(self.on, &budget);
+        if !self.affected.get() && !self.blockers.is_empty() {
+            block.quadrature_error += self.undiscovered(block.sum(), OUTER_POINTS);
+        }
+        (block.visibility_error, block.quadrature_error) = (block.quadrature_error, 0.0);
+        block
+    }
+
+    /// ∫N_k G V over the source at a point of the receiver.
+    fn irradiance(&self, x: DVec3) -> [f64; MAX_DOFS] {
+        let mut pieces = vec![Polygon::from_iter(self.from.corners().iter().copied())];
+        let mut hidden = false;
+        for blocker in &self.blockers {
+            hidden |= remove_cone(&mut pieces, x, blocker);
+        }
+        if hidden {
+            self.affected.set(true);
+        }
+        let mut sum = [0.0; MAX_DOFS];
+        for piece in &pieces {
+            let values = Inner::new(self.source, piece).at(x, self.receiver.normal());
+            sum = std::array::from_fn(|k| sum[k] + values[k]);
+        }
+        sum
+    }
+
+    /// What blockers that none of `points` points saw may take away of a sum.
+    fn undiscovered(&self, sum: f64, points: usize) -> f64 {
+        let points = points as f64 * self.on.triangles().count() as f64;
+        let total = |values: [f64; MAX_DOFS]| values.iter().sum::<f64>();
+        let loss = |&x: &DVec3| {
+            let all = total(Inner::new(self.source, self.from.corners()).at(x, self.receiver.normal()));
+            all - total(self.irradiance(x))
+        };
+        let at_corners = self.on.corners().iter().map(loss).fold(0.0, f64::max) * self.on.area() / points;
+        let through = self.blockers.iter().map(|polygon| self.through(polygon)).sum::<f64>();
+        at_corners + through.min(sum / (points + 2.0))
+    }
+
+    /// A bound of what reaches a polygon from the receiver: A_a A_c/(π d²).
+    fn through(&self, polygon: &Polygon) -> f64 {
+        let centre = polygon.iter().sum::<DVec3>() / polygon.len() as f64;
+        let radius = polygon.iter().map(|p| p.distance(centre)).fold(0.0, f64::max);
+        let distance = (centre.distance(self.receiver.center) - radius - self.receiver.radius).max(0.0);
+        self.on.area() * polygon_area(polygon) / (PI * distance * distance).max(f64::MIN_POSITIVE)
+    }
+}
+
+/// Points of the outer rule on a triangle.
+const OUTER_POINTS: usize = 7;
+
+/// Takes the part of the pieces away that a convex polygon hides from `x`; whether there was any.
+fn remove_cone(pieces: &mut Vec<Polygon>, x: DVec3, blocker: &Polygon) -> bool {
+    let count = blocker.len();
+    let to = |k: usize| blocker[k % count] - x;
+    let normal = (1..count - 1).map(|k| to(k).cross(to(k + 1)) + to(k + 1).cross(to(0)) + to(0).cross(to(k))).sum::<DVec3>();
+    let height = normal.dot(to(0));
+    if height.abs() <= EDGE_ON * normal.length() * to(0).length() {
+        return false;
+    }
+    // Inward normals of the cone's sides.
+    let side = |k: usize| to(k).cross(to(k + 1)) * height.signum();
+    let sides: arrayvec::ArrayVec<DVec3, POLYGON> = (0..count).map(side).collect();
+    let mut hidden = false;
+    let mut k = 0;
+    let mut end = pieces.len();
+    while k < end {
+        let missed = |side: &DVec3| pieces[k].iter().all(|&y| side.dot(y - x) <= 0.0);
+        if sides.iter().any(missed) || pieces.len() + sides.len() > MAX_PIECES {
+            k += 1;
+            continue;
+        }
+        hidden = true;
+        let mut piece = pieces.swap_remove(k);
+        end -= 1;
+        if end < pieces.len() {
+            // A piece that has been looked at already has taken its place.
+            pieces.swap(k, end);
+        }
+        for side in &sides {
+            let outside = clip(&piece, |y| -side.dot(y - x));
+            if outside.len() >= 3 {
+                pieces.push(outside);
+            }
+            piece = clip(&piece, |y| side.dot(y - x));
+            if piece.len() < 3 {
+                break;
+            }
+        }
+    }
+    hidden
+}
+
+/// Whether the segment between two points crosses a convex polygon.
+fn crosses(x: DVec3, y: DVec3, polygon: &Polygon) -> bool {
+    let mut line = vec![Polygon::from_iter([y, y, y])];
+    remove_cone(&mut line, x, polygon)
+}

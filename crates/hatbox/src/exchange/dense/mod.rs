@@ -1,0 +1,168 @@
+//! All pairs, stored: the reference for every other operator.
+//!
+//! S is symmetric, so only the blocks on and above the diagonal are kept, each cell's rows in one run: 4 n² bytes for n
+//! unknowns in f64. (f32 would halve that and cap the row sums at seven digits; closed scenes balance power to nine.)
+//! A product reads every coefficient once and uses it twice, for all bands.
+//!
+//! Rows and columns are in the order of a tree over the cells, so that what is integrated together lies together.
+
+mod build;
+
+use super::{Exchange, ExchangeError, Geometry, Params, Statistics};
+use crate::assemble::Panel;
+use crate::linalg::{LinearOperator, MultiVector};
+use crate::progress::Progress;
+use rayon::prelude::*;
+
+/// Largest number of bytes that a dense operator takes.
+const MAX_BYTES: usize = 16 << 30;
+/// A product is cut into this many runs of rows, each with its own result, added in order: fixed, so that sums do not
+/// depend on the number of threads.
+const RUNS: usize = 32;
+
+/// The upper triangle of S.
+#[derive(Debug)]
+pub struct Dense {
+    /// The place of each cell.
+    place: Vec<u32>,
+    /// First unknown of the cell at each place, and their number.
+    offsets: Vec<usize>,
+    /// The unknown of the space at each place of the matrix.
+    unknowns: Vec<u32>,
+    /// For each place, its rows from its own first column on.
+    rows: Vec<Vec<f64>>,
+    statistics: Statistics,
+}
+
+impl Dense {
+    /// Integrates all pairs.
+    ///
+    /// # Errors
+    /// [`ExchangeError::TooLarge`] before any work if the memory would not do, [`ExchangeError::Interrupted`].
+    pub fn new(geometry: &Geometry<'_>, params: &Params, progress: &dyn Progress) -> Result<Self, ExchangeError> {
+        let unknowns = geometry.panels.iter().map(|panel| panel.element.dofs()).sum::<usize>();
+        let bytes = unknowns * (unknowns + 1) / 2 * size_of::<f64>();
+        if bytes > MAX_BYTES {
+            return Err(ExchangeError::TooLarge { unknowns, bytes, limit: MAX_BYTES });
+        }
+        Ok(build::build(geometry, params, progress)?)
+    }
+
+    /// An operator of nothing yet, in an order.
+    fn empty(panels: &[Panel], order: &[u32]) -> Self {
+        let mut first = vec![0_u32];
+        for panel in panels {
+            first.push(first[first.len() - 1] + panel.element.dofs() as u32);
+        }
+        let mut place = vec![0; order.len()];
+        let (mut offsets, mut unknowns) = (vec![0], Vec::new());
+        for (k, &cell) in order.iter().enumerate() {
+            place[cell as usize] = k as u32;
+            unknowns.extend(first[cell as usize]..first[cell as usize + 1]);
+            offsets.push(unknowns.len());
+        }
+        Self { place, offsets, unknowns, rows: Vec::new(), statistics: Statistics::default() }
+    }
+
+    /// The sum of the block of two cells, A_i F_ij for the constants' view factor: by symmetry either way round.
+    pub fn exchange_area(&self, i: usize, j: usize) -> f64 {
+        let [i, j] = self.places(i, j);
+        let width = self.rows() - self.offsets[i];
+        let columns = self.offsets[j] - self.offsets[i]..self.offsets[j + 1] - self.offsets[i];
+        self.rows[i].chunks_exact(width).map(|row| row[columns.clone()].iter().sum::<f64>()).sum()
+    }
+
+    /// The places of two cells, the lesser first.
+    fn places(&self, i: usize, j: usize) -> [usize; 2] {
+        let (i, j) = (self.place[i] as usize, self.place[j] as usize);
+        [i.min(j), i.max(j)]
+    }
+
+    /// Adds what the rows at a range of places contribute to y = S x, in one band.
+    fn apply_rows(&self, places: std::ops::Range<usize>, x: &[f64], y: &mut [f64]) {
+        for place in places {
+            let (first, end) = (self.offsets[place], self.offsets[place + 1]);
+            for (k, row) in self.rows[place].chunks_exact(x.len() - first).enumerate() {
+                // The diagonal block is zero: a planar cell does not see itself.
+                let off = end - first;
+                y[first + k] += symmetric_row(&row[off..], &x[end..], x[first + k], &mut y[end..]);
+            }
+        }
+    }
+}
+
+/// Returns s·x and adds xi s to y: both uses of a row of the upper triangle.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+fma", "x86_64+avx2+fma", "aarch64+neon"))]
+fn symmetric_row(s: &[f64], x: &[f64], xi: f64, y: &mut [f64]) -> f64 {
+    let mut lanes = [0.0; 8];
+    let (s8, s_rest) = s.as_chunks::<8>();
+    let (x8, x_rest) = x[..s.len()].as_chunks::<8>();
+    let (y8, y_rest) = y[..s.len()].as_chunks_mut::<8>();
+    for ((s, x), y) in s8.iter().zip(x8).zip(y8) {
+        for lane in 0..8 {
+            lanes[lane] += s[lane] * x[lane];
+            y[lane] += xi * s[lane];
+        }
+    }
+    let mut sum: f64 = lanes.iter().sum();
+    for ((s, x), y) in s_rest.iter().zip(x_rest).zip(y_rest) {
+        sum += s * x;
+        *y += xi * s;
+    }
+    sum
+}
+
+impl LinearOperator for Dense {
+    fn rows(&self) -> usize {
+        self.offsets[self.offsets.len() - 1]
+    }
+
+    fn cols(&self) -> usize {
+        self.rows()
+    }
+
+    fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
+        let cells = self.rows.len();
+        // Equal shares of the triangle: row c has a length of about n − c.
+        let bound = |run: usize| {
+            let left = 1.0 - run as f64 / RUNS as f64;
+            (cells as f64 * (1.0 - left.sqrt())).round() as usize
+        };
+        let mut ordered = MultiVector::zeros(x.rows(), x.bands());
+        for band in 0..x.bands() {
+            let from = x.band(band);
+            for (to, &unknown) in ordered.band_mut(band).iter_mut().zip(&self.unknowns) {
+                *to = from[unknown as usize];
+            }
+        }
+        let x = &ordered;
+        let parts: Vec<MultiVector> = (0..RUNS)
+            .into_par_iter()
+            .map(|run| {
+                let mut part = MultiVector::zeros(x.rows(), x.bands());
+                for place in bound(run)..bound(run + 1) {
+                    for band in 0..x.bands() {
+                        self.apply_rows(place..place + 1, x.band(band), part.band_mut(band));
+                    }
+                }
+                part
+            })
+            .collect();
+        let mut sum = MultiVector::zeros(x.rows(), x.bands());
+        for part in &parts {
+            sum.add_scaled(1.0, part);
+        }
+        for band in 0..x.bands() {
+            let to = y.band_mut(band);
+            for (from, &unknown) in sum.band(band).iter().zip(&self.unknowns) {
+                to[unknown as usize] = *from;
+            }
+        }
+    }
+}
+
+impl Exchange for Dense {
+    fn statistics(&self) -> Statistics {
+        self.statistics
+    }
+}

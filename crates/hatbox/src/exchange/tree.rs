@@ -1,0 +1,261 @@
+//! The panels in an order in which neighbours follow each other, and the clusters that this makes.
+//!
+//! Panels of one plane form trees of their own, since a plane neither sees itself nor hides itself from anything: walls,
+//! floors and tables are settled against each other in a few steps. What is left (curved things) is divided by place.
+//! A cluster's hull is convex: the polygon around coplanar panels, else a box.
+
+use crate::assemble::{FLAT, Panel};
+use crate::visibility::Body;
+use glam::{DVec2, DVec3};
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// Panels of a leaf at the most: as many rows are integrated side by side.
+pub(super) const LEAF: usize = 32;
+/// Fewer coplanar panels than this are no tree of their own.
+const FEWEST: usize = 3;
+/// Planes are the same if normals and distances agree to so many steps of their size.
+const STEPS: f64 = 1e7;
+
+/// Panels that follow each other in the order.
+#[derive(Debug, Clone)]
+pub(super) struct Cluster {
+    /// Places in the order.
+    pub(super) range: Range<usize>,
+    /// Empty for a leaf.
+    pub(super) children: Range<usize>,
+    /// Contains all of the panels.
+    pub(super) hull: Body,
+    /// Point and normal of the panels' common plane.
+    pub(super) plane: Option<(DVec3, DVec3)>,
+    /// A height up to which all of the panels count as lying in a plane.
+    pub(super) flat: f64,
+}
+
+impl Cluster {
+    pub(super) fn is_leaf(&self) -> bool {
+        self.children.is_empty()
+    }
+
+    /// Whether none of the panels sees any of another's, by their planes.
+    pub(super) fn faces_away(&self, other: &Self) -> bool {
+        let flat = self.flat + other.flat;
+        let behind = |plane: Option<(DVec3, DVec3)>, corners: &[DVec3]| {
+            plane.is_some_and(|(origin, n)| corners.iter().all(|&corner| n.dot(corner - origin) <= flat))
+        };
+        behind(self.plane, other.hull.corners()) || behind(other.plane, self.hull.corners())
+    }
+}
+
+/// The clusters of a scene.
+#[derive(Debug, Clone)]
+pub(super) struct Tree {
+    /// The panel at each place.
+    pub(super) order: Vec<u32>,
+    pub(super) clusters: Vec<Cluster>,
+    pub(super) roots: Vec<usize>,
+}
+
+impl Tree {
+    pub(super) fn new(panels: &[Panel]) -> Self {
+        let mut tree = Self { order: Vec::with_capacity(panels.len()), clusters: Vec::new(), roots: Vec::new() };
+        for (mut group, plane) in groups(panels) {
+            let start = tree.order.len();
+            let root = tree.clusters.len();
+            tree.order.extend(&group);
+            tree.clusters.push(cluster(panels, &group, start, plane));
+            tree.roots.push(root);
+            tree.divide(panels, &mut group, root);
+        }
+        tree
+    }
+
+    /// The leaves, in order.
+    pub(super) fn leaves(&self) -> Vec<usize> {
+        let mut leaves: Vec<usize> = (0..self.clusters.len()).filter(|&k| self.clusters[k].is_leaf()).collect();
+        leaves.sort_unstable_by_key(|&leaf| self.clusters[leaf].range.start);
+        leaves
+    }
+
+    /// Divides a cluster of the `members` until the leaves are small.
+    fn divide(&mut self, panels: &[Panel], members: &mut [u32], at: usize) {
+        let (start, plane) = (self.clusters[at].range.start, self.clusters[at].plane);
+        if members.len() <= LEAF {
+            return;
+        }
+        let middle = halve(panels, members);
+        self.order[start..start + members.len()].copy_from_slice(members);
+        let first = self.clusters.len();
+        let (left, right) = members.split_at_mut(middle);
+        self.clusters.push(cluster(panels, left, start, plane.is_some()));
+        self.clusters.push(cluster(panels, right, start + middle, plane.is_some()));
+        self.clusters[at].children = first..first + 2;
+        self.divide(panels, left, first);
+        self.divide(panels, right, first + 1);
+    }
+}
+
+/// Groups of coplanar panels that look the same way, and the rest in one group; whether each is a plane's.
+fn groups(panels: &[Panel]) -> Vec<(Vec<u32>, bool)> {
+    let size = panels.iter().map(|p| p.center.abs().max_element()).fold(f64::MIN_POSITIVE, f64::max);
+    let mut number = HashMap::new();
+    let mut planes: Vec<Vec<u32>> = Vec::new();
+    for (index, panel) in panels.iter().enumerate() {
+        let n = panel.normal();
+        let round = |x: f64| (x * STEPS).round() as i64;
+        let key = [round(n.x), round(n.y), round(n.z), round(n.dot(panel.center) / size)];
+        let group = *number.entry(key).or_insert(planes.len());
+        if group == planes.len() {
+            planes.push(Vec::new());
+        }
+        planes[group].push(index as u32);
+    }
+    let (flat, single): (Vec<_>, Vec<_>) = planes.into_iter().partition(|group| group.len() >= FEWEST);
+    let rest: Vec<u32> = single.into_iter().flatten().collect();
+    let mut groups: Vec<_> = flat.into_iter().map(|group| (group, true)).collect();
+    if !rest.is_empty() {
+        groups.push((rest, false));
+    }
+    groups
+}
+
+/// Sorts the members along the longest side of the box around their centres and returns where to divide them: at a
+/// multiple of the leaves' size, so that leaves are full.
+fn halve(panels: &[Panel], members: &mut [u32]) -> usize {
+    let center = |&k: &u32| panels[k as usize].center;
+    let lo = members.iter().map(center).fold(DVec3::INFINITY, DVec3::min);
+    let hi = members.iter().map(center).fold(DVec3::NEG_INFINITY, DVec3::max);
+    let axis = (0..3).max_by(|&a, &b| (hi - lo)[a].total_cmp(&(hi - lo)[b])).unwrap_or(0);
+    let middle = (members.len() / 2).div_ceil(LEAF) * LEAF;
+    let key = |k: &u32| (center(k)[axis], *k);
+    members.select_nth_unstable_by(middle, |a, b| {
+        let (a, b) = (key(a), key(b));
+        a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
+    });
+    middle
+}
+
+fn cluster(panels: &[Panel], members: &[u32], start: usize, flat: bool) -> Cluster {
+    let first = &panels[members[0] as usize];
+    let plane = flat.then(|| (first.patch.corners()[0], first.normal()));
+    let corners = || members.iter().flat_map(|&k| panels[k as usize].patch.corners().iter().copied());
+    let hull = match plane {
+        Some((origin, normal)) => polygon_around(origin, normal, corners()),
+        None => Body::cuboid(
+            corners().fold(DVec3::INFINITY, DVec3::min),
+            corners().fold(DVec3::NEG_INFINITY, DVec3::max),
+        ),
+    };
+    let shortest = members.iter().map(|&k| panels[k as usize].longest_edge()).fold(f64::INFINITY, f64::min);
+    Cluster { range: start..start + members.len(), children: 0..0, hull, plane, flat: FLAT * shortest }
+}
+
+/// The convex hull of points of a plane, or a rectangle around it if it has more than eight corners.
+fn polygon_around(origin: DVec3, normal: DVec3, points: impl Iterator<Item = DVec3>) -> Body {
+    let e1 = normal.any_orthonormal_vector();
+    let e2 = normal.cross(e1);
+    let flat: Vec<DVec2> = points.map(|p| DVec2::new((p - origin).dot(e1), (p - origin).dot(e2))).collect();
+    let mut hull = convex_hull(flat.clone());
+    if hull.len() > 8 {
+        let lo = flat.iter().copied().fold(DVec2::INFINITY, DVec2::min);
+        let hi = flat.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
+        hull = vec![lo, DVec2::new(hi.x, lo.y), hi, DVec2::new(lo.x, hi.y)];
+    }
+    let corners: Vec<DVec3> = hull.iter().map(|p| origin + e1 * p.x + e2 * p.y).collect();
+    Body::polygon(&corners)
+}
+
+/// The corners of the convex hull, counter-clockwise (A. M. Andrew's monotone chain, 1979); corners that are nearly
+/// straight are left out on the outside only, so the hull may lose what rounding is.
+fn convex_hull(mut points: Vec<DVec2>) -> Vec<DVec2> {
+    points.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    points.dedup();
+    if points.len() < 3 {
+        return points;
+    }
+    let size = points[0].distance(points[points.len() - 1]).max(f64::MIN_POSITIVE);
+    let turns_left = |a: DVec2, b: DVec2, c: DVec2| (b - a).perp_dot(c - b) > 1e-12 * size * size;
+    let mut hull: Vec<DVec2> = Vec::new();
+    let mut chain = |points: &mut dyn Iterator<Item = DVec2>| {
+        let start = hull.len();
+        for p in points {
+            while hull.len() >= start + 2 && !turns_left(hull[hull.len() - 2], hull[hull.len() - 1], p) {
+                hull.pop();
+            }
+            hull.push(p);
+        }
+        hull.pop();
+    };
+    chain(&mut points.iter().copied());
+    chain(&mut points.iter().rev().copied());
+    hull
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::element::{ALL, Shape};
+    use crate::mesh::Patch;
+
+    /// Unit squares of an n × n floor, and a tilted square above each of them.
+    fn panels(n: usize) -> Vec<Panel> {
+        let quad = |origin: DVec3, lift: f64| {
+            let corners = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, lift), DVec3::new(0.0, 1.0, lift)];
+            Patch::new(Shape::Quad, corners.map(|c| origin + c))
+        };
+        let mut patches = Vec::new();
+        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i as f64, j as f64))) {
+            patches.push(quad(DVec3::new(i, j, 0.0), 0.0));
+            patches.push(quad(DVec3::new(i, j, 3.0), 0.01 * (i * n as f64 + j)));
+        }
+        patches.into_iter().map(|patch| Panel::new(patch, ALL[0].element(Shape::Quad).expect("constants"), [0; 4], 0)).collect()
+    }
+
+    #[test]
+    fn every_panel_has_one_place_and_lies_in_its_clusters() {
+        let panels = panels(13);
+        let tree = Tree::new(&panels);
+        let mut seen = tree.order.clone();
+        seen.sort_unstable();
+        assert!(seen.iter().enumerate().all(|(k, &p)| k == p as usize));
+        let leaves = tree.leaves();
+        let mut end = 0;
+        for &leaf in &leaves {
+            let range = tree.clusters[leaf].range.clone();
+            assert!(range.start == end && range.len() <= LEAF);
+            end = range.end;
+        }
+        assert_eq!(end, panels.len());
+        for cluster in &tree.clusters {
+            let (lo, hi) = cluster.hull.corners().iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &c| {
+                (lo.min(c), hi.max(c))
+            });
+            for &k in &tree.order[cluster.range.clone()] {
+                let panel = &panels[k as usize];
+                for &corner in panel.patch.corners() {
+                    assert!(corner.cmpge(lo - 1e-9).all() && corner.cmple(hi + 1e-9).all());
+                }
+                if let Some((_, normal)) = cluster.plane {
+                    assert!(normal.dot(panel.normal()) > 1.0 - 1e-6);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_plane_faces_away_from_itself_only() {
+        let panels = panels(13);
+        let tree = Tree::new(&panels);
+        let [floor, above] = [tree.roots[0], tree.roots[tree.roots.len() - 1]].map(|root| &tree.clusters[root]);
+        assert!(floor.plane.is_some() && above.plane.is_none());
+        assert!(floor.faces_away(floor) && !floor.faces_away(above));
+    }
+
+    #[test]
+    fn the_hull_of_a_disc_is_a_rectangle_and_of_a_grid_its_four_corners() {
+        let disc = (0..40).map(|k| DVec2::from_angle(f64::from(k) * 0.157)).map(|p| DVec3::new(p.x, p.y, 0.0));
+        assert_eq!(polygon_around(DVec3::ZERO, DVec3::Z, disc).corners().len(), 4);
+        let grid: Vec<DVec2> = (0..49).map(|k| DVec2::new(f64::from(k % 7), f64::from(k / 7))).collect();
+        assert_eq!(convex_hull(grid).len(), 4);
+    }
+}
