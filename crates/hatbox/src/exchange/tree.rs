@@ -10,8 +10,10 @@ use glam::{DVec2, DVec3};
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Panels of a leaf at the most: as many rows are integrated side by side.
-pub(super) const LEAF: usize = 32;
+/// Panels of a leaf at the most: pairs of leaves are settled panel by panel.
+pub(super) const LEAF: usize = 4;
+/// Rows of a run at the most: as many are integrated side by side.
+const RUN: usize = 32;
 /// Fewer coplanar panels than this are no tree of their own.
 const FEWEST: usize = 3;
 /// Planes are the same if normals and distances agree to so many steps of their size.
@@ -70,11 +72,19 @@ impl Tree {
         tree
     }
 
-    /// The leaves, in order.
-    pub(super) fn leaves(&self) -> Vec<usize> {
-        let mut leaves: Vec<usize> = (0..self.clusters.len()).filter(|&k| self.clusters[k].is_leaf()).collect();
-        leaves.sort_unstable_by_key(|&leaf| self.clusters[leaf].range.start);
-        leaves
+    /// The largest clusters that are runs of rows: together all panels, in order.
+    pub(super) fn runs(&self) -> Vec<usize> {
+        let mut runs = Vec::new();
+        let mut stack = self.roots.clone();
+        while let Some(cluster) = stack.pop() {
+            if self.clusters[cluster].range.len() <= RUN {
+                runs.push(cluster);
+            } else {
+                stack.extend(self.clusters[cluster].children.clone());
+            }
+        }
+        runs.sort_unstable_by_key(|&run| self.clusters[run].range.start);
+        runs
     }
 
     /// Divides a cluster of the `members` until the leaves are small.
@@ -120,13 +130,14 @@ fn groups(panels: &[Panel]) -> Vec<(Vec<u32>, bool)> {
 }
 
 /// Sorts the members along the longest side of the box around their centres and returns where to divide them: at a
-/// multiple of the leaves' size, so that leaves are full.
+/// multiple of the size of runs or leaves, so that these are full.
 fn halve(panels: &[Panel], members: &mut [u32]) -> usize {
     let center = |&k: &u32| panels[k as usize].center;
     let lo = members.iter().map(center).fold(DVec3::INFINITY, DVec3::min);
     let hi = members.iter().map(center).fold(DVec3::NEG_INFINITY, DVec3::max);
     let axis = (0..3).max_by(|&a, &b| (hi - lo)[a].total_cmp(&(hi - lo)[b])).unwrap_or(0);
-    let middle = (members.len() / 2).div_ceil(LEAF) * LEAF;
+    let step = if members.len() > RUN { RUN } else { LEAF };
+    let middle = (members.len() / 2).div_ceil(step) * step;
     let key = |k: &u32| (center(k)[axis], *k);
     members.select_nth_unstable_by(middle, |a, b| {
         let (a, b) = (key(a), key(b));
@@ -218,14 +229,14 @@ mod tests {
         let mut seen = tree.order.clone();
         seen.sort_unstable();
         assert!(seen.iter().enumerate().all(|(k, &p)| k == p as usize));
-        let leaves = tree.leaves();
         let mut end = 0;
-        for &leaf in &leaves {
-            let range = tree.clusters[leaf].range.clone();
-            assert!(range.start == end && range.len() <= LEAF);
+        for run in tree.runs() {
+            let range = tree.clusters[run].range.clone();
+            assert!(range.start == end && range.len() <= RUN);
             end = range.end;
         }
         assert_eq!(end, panels.len());
+        assert!(tree.clusters.iter().all(|cluster| !cluster.is_leaf() || cluster.range.len() <= LEAF));
         for cluster in &tree.clusters {
             let (lo, hi) = cluster.hull.corners().iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &c| {
                 (lo.min(c), hi.max(c))

@@ -5,8 +5,9 @@
 //! has kinks where edges of shadows cross. The panel that the blockers are farther from is the receiver: shadows there
 //! are softer, and right at a blocker's foot they jump.
 //!
-//! Where no point sees a blocker although one is there, the error is not zero: the corners are asked as well, and what
-//! they lose, or what one undiscovered point would mean, is the error. That keeps the estimate honest about slivers.
+//! The corners of the receiver are asked as well as the nodes of the rules: next to the corner of a wall, a source may be
+//! visible from a corner of the receiver and from no node. Where no point at all sees a blocker although one is there,
+//! the error is not zero either, but what one undiscovered point would mean. That keeps the estimate honest about slivers.
 
 use super::near::{Inner, Outer};
 use super::region::{POLYGON, Polygon, clip, polygon_area};
@@ -17,8 +18,16 @@ use glam::DVec3;
 use std::cell::Cell;
 use std::f64::consts::PI;
 
-/// Degrees of the outer rule and of the one that checks it.
-const OUTER: [usize; 2] = [5, 2];
+/// Degrees of the outer rules: kinks keep higher ones from being better.
+const OUTER: [usize; 2] = [2, 5];
+/// The part of a rule's difference from the mean of the corners that counts as an error: a rule of seven points resolves
+/// about an eighth of a triangle.
+const GUARD: f64 = 0.125;
+/// Points on a triangle at the least.
+const OUTER_POINTS: usize = 6;
+/// The part of the tolerance that goes to shadows. The pairs that a shadow's edge crosses are about √n of a row of n, each
+/// of about 1/n of its sum; with errors of τ √(s A) they would add up to τ A if all were of one sign.
+const SHARE: f64 = 0.25;
 /// Pieces of a source at the most; what is hidden of further ones counts as visible.
 const MAX_PIECES: usize = 64;
 /// Blockers closer to a point's line of sight than this, relative to their distance, are seen edge-on.
@@ -40,11 +49,7 @@ pub(super) fn block(
         (above_both.len() >= 3).then_some(above_both)
     };
     let blockers: Vec<Polygon> = polygons.iter().filter_map(between).collect();
-    let distance = |panel: &Panel| -> f64 {
-        let corners = || blockers.iter().flatten();
-        let height = |p: &DVec3| panel.normal().dot(*p - panel.patch.corners()[0]);
-        corners().map(height).fold(f64::INFINITY, f64::min) / panel.radius
-    };
+    let distance = |panel: &Panel| blockers.iter().map(|polygon| remoteness(panel, polygon)).fold(f64::INFINITY, f64::min);
     let closed = [a, b].map(|panel| panel.functions.is_some());
     let a_outside = closed[1] && (!closed[0] || distance(a) >= distance(b));
     if a_outside {
@@ -74,18 +79,15 @@ struct Shadow<'a> {
 
 impl Shadow<'_> {
     fn block(&self, weights: [f64; 2], accuracy: &Accuracy) -> Block {
-        // Errors of a row's pairs are independent and add in squares: with err² ≤ τ² A s for each, a row's error is at
-        // most τ A √(Σs/A) ≤ τ A.
         let area = (self.receiver.area() / weights[0]).min(self.source.area() / weights[1]);
-        let scale = (self.receiver.area() * self.source.area() / accuracy.total_area).min(area);
-        let budget = |sum: f64| accuracy.tolerance * (sum.clamp(scale, area) * area).sqrt();
+        let least = (self.receiver.area() * self.source.area() / accuracy.total_area).min(area);
+        let budget = |sum: f64| SHARE * accuracy.tolerance * (sum.clamp(least, area) * area).sqrt();
         let at = |x: DVec3| self.irradiance(x);
-        let outer = Outer { panel: self.receiver, source: self.source, at: &at, degrees: OUTER };
+        let outer = Outer { panel: self.receiver, source: self.source, at: &at, degrees: &OUTER, guard: GUARD };
         let mut block = outer.integrate(self.on, &budget);
         if !self.affected.get() && !self.blockers.is_empty() {
-            block.quadrature_error += self.undiscovered(block.sum(), OUTER_POINTS);
+            block.quadrature_error += self.undiscovered(block.sum());
         }
-        (block.visibility_error, block.quadrature_error) = (block.quadrature_error, 0.0);
         block
     }
 
@@ -107,17 +109,15 @@ impl Shadow<'_> {
         sum
     }
 
-    /// What blockers that none of `points` points saw may take away of a sum.
-    fn undiscovered(&self, sum: f64, points: usize) -> f64 {
-        let points = points as f64 * self.on.triangles().count() as f64;
-        let total = |values: [f64; MAX_DOFS]| values.iter().sum::<f64>();
-        let loss = |&x: &DVec3| {
-            let all = total(Inner::new(self.source, self.from.corners()).at(x, self.receiver.normal()));
-            all - total(self.irradiance(x))
-        };
-        let at_corners = self.on.corners().iter().map(loss).fold(0.0, f64::max) * self.on.area() / points;
-        let through = self.blockers.iter().map(|polygon| self.through(polygon)).sum::<f64>();
-        at_corners + through.min(sum / (points + 2.0))
+    /// What blockers that no point saw may take away of a sum.
+    ///
+    /// The views from the corners of the receiver cover the shaft where it is nearer to the source, measured by the sizes
+    /// of both: what stands there is seen. What stands nearer to the receiver may hide between the views.
+    fn undiscovered(&self, sum: f64) -> f64 {
+        let points = OUTER_POINTS * self.on.triangles().count();
+        let hidden = |polygon: &&Polygon| remoteness(self.receiver, polygon) < remoteness(self.source, polygon);
+        let through = self.blockers.iter().filter(hidden).map(|polygon| self.through(polygon)).sum::<f64>();
+        through.min(sum / (points as f64 + 2.0))
     }
 
     /// A bound of what reaches a polygon from the receiver: A_a A_c/(π d²).
@@ -129,8 +129,33 @@ impl Shadow<'_> {
     }
 }
 
-/// Points of the outer rule on a triangle.
-const OUTER_POINTS: usize = 7;
+/// The distance of a polygon from a panel's centre, in radii of the panel.
+fn remoteness(panel: &Panel, polygon: &Polygon) -> f64 {
+    distance(panel.center, polygon) / panel.radius
+}
+
+/// The distance of a point from a convex planar polygon.
+fn distance(p: DVec3, polygon: &Polygon) -> f64 {
+    let edge = |k: usize| (polygon[k], polygon[(k + 1) % polygon.len()]);
+    let normal = (1..polygon.len() - 1)
+        .map(|k| (polygon[k] - polygon[0]).cross(polygon[k + 1] - polygon[0]))
+        .sum::<DVec3>()
+        .normalize_or_zero();
+    let inside = |k: usize| {
+        let (from, to) = edge(k);
+        normal.cross(to - from).dot(p - from) >= 0.0
+    };
+    if (0..polygon.len()).all(inside) {
+        return normal.dot(p - polygon[0]).abs();
+    }
+    let to_edge = |k: usize| {
+        let (from, to) = edge(k);
+        let along = to - from;
+        let t = ((p - from).dot(along) / along.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        p.distance(from + along * t)
+    };
+    (0..polygon.len()).map(to_edge).fold(f64::INFINITY, f64::min)
+}
 
 /// Takes the part of the pieces away that a convex polygon hides from `x`; whether there was any.
 fn remove_cone(pieces: &mut Vec<Polygon>, x: DVec3, blocker: &Polygon) -> bool {

@@ -14,8 +14,10 @@ use crate::quadrature::rule;
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 
-/// Degrees of the outer rule and of the one that checks it.
-const OUTER: [usize; 2] = [8, 5];
+/// Degrees of the outer rule, the one that checks it first.
+const OUTER: [usize; 2] = [5, 8];
+/// Points at the corners but not on the edges, where a blocker may stand that hides nothing from them.
+const NEAR_CORNERS: [[f64; 2]; 3] = [[0.005, 0.005], [0.99, 0.005], [0.005, 0.99]];
 /// Subdivisions of the outer triangle at the most: what is left then is 4^-12 of its area.
 const MAX_DEPTH: usize = 12;
 /// Outer triangles at the most.
@@ -28,10 +30,10 @@ pub(super) fn block(a: &Panel, on_a: &Region, b: &Panel, on_b: &Region, accuracy
     let b_inside = b.functions.is_some() && (a.functions.is_none() || a.area() <= b.area());
     if b_inside {
         let inner = Inner::new(b, on_b.corners());
-        Outer { panel: a, source: b, at: &|x| inner.at(x, a.normal()), degrees: OUTER }.integrate(on_a, &budget)
+        Outer { panel: a, source: b, at: &|x| inner.at(x, a.normal()), degrees: &OUTER, guard: 0.0 }.integrate(on_a, &budget)
     } else if a.functions.is_some() {
         let inner = Inner::new(a, on_a.corners());
-        let outer = Outer { panel: b, source: a, at: &|x| inner.at(x, b.normal()), degrees: OUTER };
+        let outer = Outer { panel: b, source: a, at: &|x| inner.at(x, b.normal()), degrees: &OUTER, guard: 0.0 };
         outer.integrate(on_b, &budget).transposed()
     } else {
         subdivided(a, on_a, b, on_b, accuracy)
@@ -74,8 +76,11 @@ pub(super) struct Outer<'a> {
     pub(super) source: &'a Panel,
     /// What a point receives from each function of the source.
     pub(super) at: &'a dyn Fn(DVec3) -> [f64; MAX_DOFS],
-    /// Degrees of the rule and of the one that checks it.
-    pub(super) degrees: [usize; 2],
+    /// Degrees of the rules: each is checked by the one before, and the first that agrees is taken.
+    pub(super) degrees: &'a [usize],
+    /// How much of the difference from the mean of the corners counts as an error, for functions that may be zero at all
+    /// nodes of a rule and yet not zero.
+    pub(super) guard: f64,
 }
 
 /// A triangle of the outer panel with its integral and the error of that.
@@ -88,7 +93,9 @@ struct Piece {
 impl Outer<'_> {
     /// Splits the piece with the largest error until the sum of the errors is within the budget.
     pub(super) fn integrate(&self, region: &Region, budget: &dyn Fn(f64) -> f64) -> Block {
-        let mut pieces: Vec<Piece> = region.triangles().map(|t| self.piece(t, 0)).collect();
+        let least = budget(0.0) / (self.panel.patch.area()).max(f64::MIN_POSITIVE);
+        let share = |triangle: &[DVec3; 3]| 0.5 * least * triangle_area(triangle);
+        let mut pieces: Vec<Piece> = region.triangles().map(|t| self.piece(t, 0, share(&t))).collect();
         loop {
             let mut total = Block::zeros(self.panel, self.source);
             for piece in &pieces {
@@ -99,31 +106,46 @@ impl Outer<'_> {
                 return total;
             }
             // Every piece with more than its share of the budget is split in this round.
-            let share = budget / (2.0 * pieces.len() as f64);
+            let limit = budget / (2.0 * pieces.len() as f64);
             let (split, mut kept): (Vec<_>, Vec<_>) =
-                pieces.into_iter().partition(|p| p.block.quadrature_error > share && p.depth < MAX_DEPTH);
+                pieces.into_iter().partition(|p| p.block.quadrature_error > limit && p.depth < MAX_DEPTH);
             if split.is_empty() {
                 return total;
             }
             for Piece { triangle, depth, .. } in split {
-                kept.extend(quarters(&triangle).map(|t| self.piece(t, depth + 1)));
+                kept.extend(quarters(&triangle).map(|t| self.piece(t, depth + 1, share(&t))));
             }
             pieces = kept;
         }
     }
 
-    fn piece(&self, triangle: [DVec3; 3], depth: usize) -> Piece {
-        let [mut block, check] = self.degrees.map(|degree| self.rule(&triangle, degree));
-        block.quadrature_error = block.distance(&check);
+    /// The first of the rules that agrees with the one before to within the budget, or the last.
+    fn piece(&self, triangle: [DVec3; 3], depth: usize, budget: f64) -> Piece {
+        let corners = (self.guard > 0.0).then(|| self.nodes(&triangle, &NEAR_CORNERS, &[1.0 / 3.0; 3]));
+        let mut block = self.rule(&triangle, self.degrees[0]);
+        // A rule of three points agrees with the corners, too, where there is nothing to be found.
+        block.quadrature_error = corners.map_or(f64::INFINITY, |at_corners| block.distance(&at_corners));
+        for &degree in &self.degrees[1..] {
+            if block.quadrature_error <= budget {
+                break;
+            }
+            let better = self.rule(&triangle, degree);
+            let guard = corners.map_or(0.0, |at_corners| self.guard * better.distance(&at_corners));
+            block = Block { quadrature_error: better.distance(&block) + guard, ..better };
+        }
         Piece { triangle, depth, block }
     }
 
-    /// Σ_p w_p N(x_p) (inner at x_p)ᵀ.
     fn rule(&self, triangle: &[DVec3; 3], degree: usize) -> Block {
-        let mut block = Block::zeros(self.panel, self.source);
         let rule = rule(Shape::Triangle, degree);
+        self.nodes(triangle, &rule.points, &rule.weights)
+    }
+
+    /// Σ_p w_p N(x_p) (inner at x_p)ᵀ.
+    fn nodes(&self, triangle: &[DVec3; 3], points: &[[f64; 2]], weights: &[f64]) -> Block {
+        let mut block = Block::zeros(self.panel, self.source);
         let area = triangle_area(triangle);
-        for (&[u, v], weight) in rule.points.iter().zip(&rule.weights) {
+        for (&[u, v], weight) in points.iter().zip(weights) {
             let x = triangle[0] * (1.0 - u - v) + triangle[1] * u + triangle[2] * v;
             block.add(weight * area, &self.panel.values(x), &(self.at)(x));
         }

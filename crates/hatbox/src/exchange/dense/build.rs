@@ -1,15 +1,15 @@
 //! The integration of all pairs, cluster by cluster.
 //!
-//! A leaf of the tree over the panels is a run of rows. It meets the tree from the top: what may stand between it and a
-//! cluster is found once, and the parts of the cluster inherit the proof that nothing does, or the list to be narrowed
-//! down. Where the view is clear, all panels of a cluster are integrated side by side ([`Batch`]).
+//! A small cluster of the tree over the panels is a run of rows. It meets the tree from the top: what may stand between two
+//! clusters is found once, and their parts inherit the proof that nothing does, or the list to be narrowed down. Where
+//! the view is clear, all panels of both are integrated side by side ([`Batch`]).
 
 use super::Dense;
 use crate::assemble::{Accuracy, Batch, Block, Facing, Found, LANES, Panel, Sight, facing_block};
-use crate::exchange::tree::{Cluster, LEAF, Tree};
+use crate::exchange::tree::{LEAF, Tree};
 use crate::exchange::{Geometry, Params, Statistics};
 use crate::progress::{Interrupted, Progress};
-use crate::visibility::{Body, Occluders, Shaft, ShaftResult, Visibility};
+use crate::visibility::{Occluders, Shaft, ShaftResult, Visibility};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -19,7 +19,7 @@ const MAX_CANDIDATES: usize = 48;
 const MAX_HIDERS: usize = 8;
 /// More possible blockers than this between two panels are not clipped; rays take their place.
 const MAX_CLIPPED: usize = 16;
-/// The leaves are dealt to this many strands, each of which adds up its errors in order: fixed, so that sums do not depend
+/// The runs are dealt to this many strands, each of which adds up its errors in order: fixed, so that sums do not depend
 /// on the number of threads.
 const STRANDS: usize = 64;
 
@@ -39,18 +39,18 @@ pub(super) fn build(geometry: &Geometry<'_>, params: &Params, progress: &dyn Pro
         accuracy,
         offsets: &dense.offsets,
     };
-    let leaves = tree.leaves();
+    let runs = tree.runs();
     let cells = ordered.len();
     progress.begin("form factors", (cells * cells.saturating_sub(1) / 2) as u64);
     let strand = |strand: usize| {
         let mut sums = Sums::new(cells);
         let mut rows = Vec::new();
-        for &leaf in leaves.iter().skip(strand).step_by(STRANDS) {
+        for &run in runs.iter().skip(strand).step_by(STRANDS) {
             if progress.interrupted() {
                 return Err(Interrupted);
             }
-            let range = tree.clusters[leaf].range.clone();
-            rows.push((range.start, builder.leaf(leaf, &mut sums)));
+            let range = tree.clusters[run].range.clone();
+            rows.push((range.start, builder.run(run, &mut sums)));
             progress.advance(range.map(|place| (cells - 1 - place) as u64).sum());
         }
         Ok((rows, sums))
@@ -58,13 +58,13 @@ pub(super) fn build(geometry: &Geometry<'_>, params: &Params, progress: &dyn Pro
     let strands: Vec<_> = (0..STRANDS).into_par_iter().with_max_len(1).map(strand).collect::<Result<_, _>>()?;
     progress.end();
     let mut total = Sums::new(cells);
-    let mut runs = Vec::new();
+    let mut all = Vec::new();
     for (rows, sums) in strands {
         total.add(&sums);
-        runs.extend(rows);
+        all.extend(rows);
     }
-    runs.sort_unstable_by_key(|run| run.0);
-    dense.rows = runs.into_iter().flat_map(|run| run.1).collect();
+    all.sort_unstable_by_key(|(start, _)| *start);
+    dense.rows = all.into_iter().flat_map(|(_, rows)| rows).collect();
     dense.statistics = total.statistics(&ordered, &dense.rows);
     Ok(dense)
 }
@@ -126,7 +126,7 @@ impl Sums {
     }
 }
 
-/// What the blocks of a leaf's rows need.
+/// What the blocks of a run of rows need.
 struct Builder<'a> {
     geometry: &'a Geometry<'a>,
     occluders: &'a Occluders,
@@ -150,7 +150,7 @@ enum Between<'a> {
     Many,
 }
 
-/// The rows of a leaf while they are made.
+/// A run of rows while they are made.
 struct Rows<'a> {
     range: Range<usize>,
     values: Vec<Vec<f64>>,
@@ -158,44 +158,49 @@ struct Rows<'a> {
 }
 
 impl Builder<'_> {
-    fn leaf(&self, leaf: usize, sums: &mut Sums) -> Vec<Vec<f64>> {
-        let cluster = &self.tree.clusters[leaf];
+    fn run(&self, run: usize, sums: &mut Sums) -> Vec<Vec<f64>> {
+        let range = self.tree.clusters[run].range.clone();
         let unknowns = self.offsets[self.panels.len()];
         let row = |place: usize| {
             let first = self.offsets[place];
             vec![0.0; (self.offsets[place + 1] - first) * (unknowns - first)]
         };
-        let values = cluster.range.clone().map(row).collect();
-        let mut rows = Rows { range: cluster.range.clone(), values, sums };
+        let values = range.clone().map(row).collect();
+        let mut rows = Rows { range, values, sums };
         for &root in &self.tree.roots {
-            self.meet(cluster, root, Between::Many, &mut rows);
+            self.meet([run, root], Between::Many, &mut rows);
         }
         rows.values
     }
 
-    /// The blocks of a leaf with all panels of a cluster that come after it.
-    fn meet(&self, leaf: &Cluster, other: usize, inherited: Between<'_>, rows: &mut Rows<'_>) {
-        let other = &self.tree.clusters[other];
-        if other.range.end <= leaf.range.start || leaf.faces_away(other) {
-            return;
-        }
-        let overlaps = other.range.start < leaf.range.end;
-        if overlaps && other.is_leaf() {
-            for (k, i) in leaf.range.clone().enumerate() {
-                self.one_by_one(i, leaf.range.start + k + 1..leaf.range.end, Between::Many, rows);
-            }
+    /// The blocks of the panels of a cluster with all panels of another that come after them.
+    fn meet(&self, pair: [usize; 2], inherited: Between<'_>, rows: &mut Rows<'_>) {
+        let [one, other] = pair.map(|cluster| &self.tree.clusters[cluster]);
+        if other.range.end <= one.range.start + 1 || one.faces_away(other) {
             return;
         }
         let mut list = Vec::new();
-        let between = if overlaps {
+        // Clusters that have panels in common hold each other's blockers.
+        let between = if other.range.start < one.range.end && one.range.start < other.range.end {
             Between::Many
         } else {
-            self.narrowed(&Shaft::between(&leaf.hull, &other.hull), [u32::MAX; 2], inherited, &mut list)
+            let shaft = Shaft::between(&one.hull, &other.hull);
+            let between = self.narrowed(&shaft, [u32::MAX; 2], inherited, &mut list);
+            if matches!(between, Between::Some(candidates) if self.is_hidden(&shaft, candidates)) {
+                return;
+            }
+            between
         };
-        match between {
-            Between::Nothing => self.clear(leaf.range.clone(), other.range.clone(), rows),
-            _ if other.is_leaf() => self.row_by_row(leaf, other, between, rows),
-            _ => other.children.clone().for_each(|child| self.meet(leaf, child, between, rows)),
+        if let Between::Nothing = between {
+            self.clear(one.range.clone(), other.range.clone(), rows);
+        } else if one.is_leaf() && other.is_leaf() {
+            for i in one.range.clone() {
+                self.one_by_one(i, other.range.start.max(i + 1)..other.range.end, between, rows);
+            }
+        } else if other.is_leaf() || (!one.is_leaf() && one.range.len() > other.range.len()) {
+            one.children.clone().for_each(|child| self.meet([child, pair[1]], between, rows));
+        } else {
+            other.children.clone().for_each(|child| self.meet([pair[0], child], between, rows));
         }
     }
 
@@ -223,19 +228,6 @@ impl Builder<'_> {
         if list.is_empty() { Between::Nothing } else { Between::Some(list) }
     }
 
-    /// All pairs of two leaves, neither proven to see each other nor not to.
-    fn row_by_row(&self, leaf: &Cluster, other: &Cluster, inherited: Between<'_>, rows: &mut Rows<'_>) {
-        let mut list = Vec::new();
-        for i in leaf.range.clone() {
-            let (panel, skip) = (self.panels[i], self.polygon(i));
-            let shaft = Shaft::between(&Body::polygon(panel.patch.corners()), &other.hull);
-            match self.narrowed(&shaft, [skip, u32::MAX], inherited, &mut list) {
-                Between::Nothing => self.clear(i..i + 1, other.range.clone(), rows),
-                between => self.one_by_one(i, other.range.clone(), between, rows),
-            }
-        }
-    }
-
     /// The occluder that the panel at a place is a part of.
     fn polygon(&self, place: usize) -> u32 {
         self.occluders.of_surface(self.panels[place].surface)
@@ -260,7 +252,7 @@ impl Builder<'_> {
                 }
             }
         }
-        // Ranges are those of leaves, so that a mask has a bit for each.
+        // Ranges are those of leaves, so that the mask has a bit for each.
         debug_assert!(range.len() <= LEAF);
         self.batch.masked(self.panels[i], range.start, clear, &self.accuracy, |first, found| {
             self.take(i, first, found, rows);
