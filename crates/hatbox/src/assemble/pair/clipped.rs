@@ -23,8 +23,8 @@ const OUTER: [usize; 2] = [2, 5];
 /// The part of a rule's difference from the mean of the corners that counts as an error: a rule of seven points resolves
 /// about an eighth of a triangle.
 const GUARD: f64 = 0.125;
-/// Points on a triangle at the least.
-const OUTER_POINTS: usize = 6;
+/// Points at the least.
+const OUTER_POINTS: f64 = 6.0;
 /// The part of the tolerance that goes to shadows. The pairs that a shadow's edge crosses are about √n of a row of n, each
 /// of about 1/n of its sum; with errors of τ √(s A) they would add up to τ A if all were of one sign.
 const SHARE: f64 = 0.25;
@@ -114,10 +114,9 @@ impl Shadow<'_> {
     /// The views from the corners of the receiver cover the shaft where it is nearer to the source, measured by the sizes
     /// of both: what stands there is seen. What stands nearer to the receiver may hide between the views.
     fn undiscovered(&self, sum: f64) -> f64 {
-        let points = OUTER_POINTS * self.on.triangles().count();
         let hidden = |polygon: &&Polygon| remoteness(self.receiver, polygon) < remoteness(self.source, polygon);
         let through = self.blockers.iter().filter(hidden).map(|polygon| self.through(polygon)).sum::<f64>();
-        through.min(sum / (points as f64 + 2.0))
+        through.min(sum / (OUTER_POINTS + 2.0))
     }
 
     /// A bound of what reaches a polygon from the receiver: A_a A_c/(π d²).

@@ -16,11 +16,9 @@ use glam::{DVec2, DVec3};
 
 /// Degrees of the outer rule, the one that checks it first.
 const OUTER: [usize; 2] = [5, 8];
-/// Points at the corners but not on the edges, where a blocker may stand that hides nothing from them.
-const NEAR_CORNERS: [[f64; 2]; 3] = [[0.005, 0.005], [0.99, 0.005], [0.005, 0.99]];
-/// Subdivisions of the outer triangle at the most: what is left then is 4^-12 of its area.
+/// Subdivisions of the outer panel at the most: what is left then is 4^-12 of its area.
 const MAX_DEPTH: usize = 12;
-/// Outer triangles at the most.
+/// Pieces of the outer panel at the most.
 const MAX_PIECES: usize = 4096;
 
 /// The block by closed form where there is one, by subdivision otherwise.
@@ -83,9 +81,49 @@ pub(super) struct Outer<'a> {
     pub(super) guard: f64,
 }
 
-/// A triangle of the outer panel with its integral and the error of that.
+/// A triangle or a parallelogram of the outer panel: origin + ξ u + η v for ξ, η of the reference cell.
+#[derive(Clone, Copy)]
+struct Cut {
+    shape: Shape,
+    origin: DVec3,
+    u: DVec3,
+    v: DVec3,
+}
+
+impl Cut {
+    fn triangle([a, b, c]: [DVec3; 3]) -> Self {
+        Self { shape: Shape::Triangle, origin: a, u: b - a, v: c - a }
+    }
+
+    /// The whole panel if it is a parallelogram, else the triangles of the region.
+    fn of(panel: &Panel, region: &Region) -> Vec<Self> {
+        if region.whole && panel.patch.shape() == Shape::Quad && panel.patch.is_affine() {
+            let [a, b, _, d] = panel.patch.corners() else { return Vec::new() };
+            return vec![Self { shape: Shape::Quad, origin: *a, u: b - a, v: d - a }];
+        }
+        region.triangles().map(Self::triangle).collect()
+    }
+
+    fn area(&self) -> f64 {
+        self.u.cross(self.v).length() * self.shape.reference_area()
+    }
+
+    /// The four that the midpoints of the edges make.
+    fn quarters(&self) -> [Self; 4] {
+        let (u, v) = (0.5 * self.u, 0.5 * self.v);
+        let part = |origin: DVec3, sign: f64| Self { origin, u: sign * u, v: sign * v, ..*self };
+        let o = self.origin;
+        let last = match self.shape {
+            Shape::Triangle => part(o + u + v, -1.0),
+            Shape::Quad => part(o + u + v, 1.0),
+        };
+        [part(o, 1.0), part(o + u, 1.0), part(o + v, 1.0), last]
+    }
+}
+
+/// A part of the outer panel with its integral and the error of that.
 struct Piece {
-    triangle: [DVec3; 3],
+    cut: Cut,
     depth: usize,
     block: Block,
 }
@@ -93,9 +131,10 @@ struct Piece {
 impl Outer<'_> {
     /// Splits the piece with the largest error until the sum of the errors is within the budget.
     pub(super) fn integrate(&self, region: &Region, budget: &dyn Fn(f64) -> f64) -> Block {
-        let least = budget(0.0) / (self.panel.patch.area()).max(f64::MIN_POSITIVE);
-        let share = |triangle: &[DVec3; 3]| 0.5 * least * triangle_area(triangle);
-        let mut pieces: Vec<Piece> = region.triangles().map(|t| self.piece(t, 0, share(&t))).collect();
+        let least = budget(0.0) / self.panel.area().max(f64::MIN_POSITIVE);
+        let share = |cut: &Cut| 0.5 * least * cut.area();
+        let mut pieces: Vec<Piece> =
+            Cut::of(self.panel, region).into_iter().map(|cut| self.piece(cut, 0, share(&cut))).collect();
         loop {
             let mut total = Block::zeros(self.panel, self.source);
             for piece in &pieces {
@@ -112,41 +151,53 @@ impl Outer<'_> {
             if split.is_empty() {
                 return total;
             }
-            for Piece { triangle, depth, .. } in split {
-                kept.extend(quarters(&triangle).map(|t| self.piece(t, depth + 1, share(&t))));
+            for Piece { cut, depth, .. } in split {
+                kept.extend(cut.quarters().map(|cut| self.piece(cut, depth + 1, share(&cut))));
             }
             pieces = kept;
         }
     }
 
     /// The first of the rules that agrees with the one before to within the budget, or the last.
-    fn piece(&self, triangle: [DVec3; 3], depth: usize, budget: f64) -> Piece {
-        let corners = (self.guard > 0.0).then(|| self.nodes(&triangle, &NEAR_CORNERS, &[1.0 / 3.0; 3]));
-        let mut block = self.rule(&triangle, self.degrees[0]);
-        // A rule of three points agrees with the corners, too, where there is nothing to be found.
-        block.quadrature_error = corners.map_or(f64::INFINITY, |at_corners| block.distance(&at_corners));
+    fn piece(&self, cut: Cut, depth: usize, budget: f64) -> Piece {
+        let mut block = self.rule(&cut, self.degrees[0]);
+        let corners = (self.guard > 0.0).then(|| self.near_corners(&cut));
+        // Rules of few points agree with the corners and with the middle, too, where there is nothing to be found. Both are
+        // asked: the corners and a rule of four points agree about any step between the points.
+        let check = |at_corners: Block| block.distance(&at_corners).max(block.distance(&self.rule(&cut, 0)));
+        block.quadrature_error = corners.map_or(f64::INFINITY, check);
         for &degree in &self.degrees[1..] {
             if block.quadrature_error <= budget {
                 break;
             }
-            let better = self.rule(&triangle, degree);
+            let better = self.rule(&cut, degree);
             let guard = corners.map_or(0.0, |at_corners| self.guard * better.distance(&at_corners));
             block = Block { quadrature_error: better.distance(&block) + guard, ..better };
         }
-        Piece { triangle, depth, block }
+        Piece { cut, depth, block }
     }
 
-    fn rule(&self, triangle: &[DVec3; 3], degree: usize) -> Block {
-        let rule = rule(Shape::Triangle, degree);
-        self.nodes(triangle, &rule.points, &rule.weights)
+    fn rule(&self, cut: &Cut, degree: usize) -> Block {
+        let rule = rule(cut.shape, degree);
+        self.nodes(cut, &rule.points, &rule.weights)
+    }
+
+    /// The mean of points at the corners, but not on the edges, where a blocker may stand that hides nothing from them.
+    fn near_corners(&self, cut: &Cut) -> Block {
+        const IN: f64 = 0.005;
+        const OUT: f64 = 1.0 - IN;
+        match cut.shape {
+            Shape::Triangle => self.nodes(cut, &[[IN, IN], [OUT - IN, IN], [IN, OUT - IN]], &[1.0 / 3.0; 3]),
+            Shape::Quad => self.nodes(cut, &[[IN, IN], [OUT, IN], [OUT, OUT], [IN, OUT]], &[0.25; 4]),
+        }
     }
 
     /// Σ_p w_p N(x_p) (inner at x_p)ᵀ.
-    fn nodes(&self, triangle: &[DVec3; 3], points: &[[f64; 2]], weights: &[f64]) -> Block {
+    fn nodes(&self, cut: &Cut, points: &[[f64; 2]], weights: &[f64]) -> Block {
         let mut block = Block::zeros(self.panel, self.source);
-        let area = triangle_area(triangle);
+        let area = cut.area();
         for (&[u, v], weight) in points.iter().zip(weights) {
-            let x = triangle[0] * (1.0 - u - v) + triangle[1] * u + triangle[2] * v;
+            let x = cut.origin + cut.u * u + cut.v * v;
             block.add(weight * area, &self.panel.values(x), &(self.at)(x));
         }
         block

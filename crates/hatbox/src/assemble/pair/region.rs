@@ -28,7 +28,7 @@ impl Facing {
 pub(crate) type Polygon = ArrayVec<DVec3, POLYGON>;
 
 /// Most corners of such a polygon: a cut adds one at the most.
-pub(crate) const POLYGON: usize = 16;
+pub(crate) const POLYGON: usize = 14;
 
 /// The part of a convex polygon where a linear function is positive (Sutherland and Hodgman).
 pub(crate) fn clip(polygon: &[DVec3], height: impl Fn(DVec3) -> f64) -> Polygon {
