@@ -6,7 +6,7 @@
 mod closure;
 mod dense;
 
-pub use closure::{Balanced, Closure, escape};
+pub use closure::{Balanced, Closure, escape, escapes};
 pub use dense::Dense;
 
 use crate::assemble::Panel;
