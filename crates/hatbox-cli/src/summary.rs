@@ -201,7 +201,10 @@ fn row_sums(lines: &mut Lines, done: &Factors) {
         let (dropped, kept) = (count(threshold.dropped as u64), count(threshold.kept as u64));
         lines.line(
             "Threshold",
-            &format!("{dropped} factors left out, {kept} kept; a row lost at most {}", percent(threshold.largest_row_loss)),
+            &format!(
+                "{dropped} factors left out, {kept} kept; a row lost at most {}",
+                percent(threshold.largest_row_loss)
+            ),
         );
         lines.more(&format!("made up for by {}", closed(&threshold.rebalancing)));
     }

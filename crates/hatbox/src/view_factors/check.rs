@@ -83,7 +83,13 @@ impl ViewFactors {
         let sums = Distribution::of(rows.iter().map(|row| row.sum));
         let error = |row: &RowCheck| match row.sum - 1.0 {
             // Comparisons with what is not a number are false.
-            shortfall if shortfall < 0.0 => if closed { -shortfall } else { 0.0 },
+            shortfall if shortfall < 0.0 => {
+                if closed {
+                    -shortfall
+                } else {
+                    0.0
+                }
+            }
             excess => excess,
         };
         Check {
@@ -133,7 +139,8 @@ mod tests {
     fn what_is_not_a_number_is_not_passed_over() {
         for areas in [[0.0, f64::NAN, 0.5, 0.5], [0.5, 0.5, f64::NAN, 0.5]] {
             let check = factors(areas.into()).check();
-            let shown = [check.least_row_sum, check.greatest_row_sum, check.max_row_sum_error, check.max_reciprocity_error];
+            let shown =
+                [check.least_row_sum, check.greatest_row_sum, check.max_row_sum_error, check.max_reciprocity_error];
             assert!(shown.iter().all(|value| value.is_nan()), "{shown:?}");
         }
         assert!(greatest([f64::NAN, 1.0]).is_nan() && greatest([1.0, f64::NAN, 2.0]).is_nan());

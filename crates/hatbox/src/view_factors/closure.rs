@@ -12,9 +12,9 @@
 //! the others make up for it. In both methods one fixed-point iteration finds d or λ: its error is multiplied by
 //! ½ (I − P) each time, where P is the matrix of the factors.
 
+use super::Surface;
 use super::check::greatest;
 use super::matrix::{Correction, Gain, Matrix};
-use super::Surface;
 use crate::progress::{Interrupted, Progress};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -249,7 +249,8 @@ fn raised_too_far(
 /// The greatest relative change of an entry.
 fn largest_change(matrix: &Matrix) -> f64 {
     let of_row = |i: usize| {
-        let changes = matrix.entries(i).into_iter().map(|(j, value)| (value / matrix.uncorrected(i, j as usize) - 1.0).abs());
+        let changes =
+            matrix.entries(i).into_iter().map(|(j, value)| (value / matrix.uncorrected(i, j as usize) - 1.0).abs());
         greatest(changes)
     };
     let rows: Vec<f64> = (0..matrix.len()).into_par_iter().map(of_row).collect();

@@ -206,8 +206,7 @@ impl ViewFactors {
         let bound = |i, j| grouping.unobstructed(source, i, j);
         let limits = (!clear).then_some(closure::Limits { bound: &bound, integrated: None });
         if options.closure != ClosureMethodKind::None {
-            let targets: Vec<f64> =
-                self.surfaces.iter().map(|surface| surface.area * (1.0 - surface.escape)).collect();
+            let targets: Vec<f64> = self.surfaces.iter().map(|surface| surface.area * (1.0 - surface.escape)).collect();
             let closed = closure::close(&mut self.matrix, &self.surfaces, &targets, options.closure, limits, progress)?;
             self.closure = Some(closed);
         }

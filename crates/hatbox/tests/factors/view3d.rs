@@ -97,8 +97,10 @@ fn its_text_holds_areas_factors_and_emittances() {
         assert!(lines[0].len() >= 30 && lines[0].len() < 34, "{:?}", lines[0]);
         let header: Vec<&str> = lines[0].split_whitespace().collect();
         assert_eq!((header[0], &header[2..]), ("View3D", &["0", encloses, "0", &found.len().to_string()][..]));
-        let numbers: Vec<Vec<f64>> =
-            lines[1..].iter().map(|line| line.split(' ').map(|word| word.parse().expect("a number")).collect()).collect();
+        let numbers: Vec<Vec<f64>> = lines[1..]
+            .iter()
+            .map(|line| line.split(' ').map(|word| word.parse().expect("a number")).collect())
+            .collect();
         assert_eq!(numbers.len(), found.len() + 2);
         let bits = |values: &mut dyn Iterator<Item = f64>| values.map(f64::to_bits).collect::<Vec<_>>();
         for (i, surface) in found.surfaces.iter().enumerate() {

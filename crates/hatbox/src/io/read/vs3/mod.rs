@@ -109,7 +109,9 @@ impl<'a> Reader<'a> {
             // Titles, and transformations that View3D itself passes over.
             'T' | 'X' => {}
             'E' | '*' => return Ok(false),
-            other => self.warn(statement.line, &format!("`{other}` begins no line of View3D's format; it was left out")),
+            other => {
+                self.warn(statement.line, &format!("`{other}` begins no line of View3D's format; it was left out"))
+            }
         }
         Ok(true)
     }
@@ -136,7 +138,8 @@ impl<'a> Reader<'a> {
         let controls = statement.controls()?;
         if !controls.is_empty() {
             let shown: Vec<String> = controls.iter().map(|(name, value)| format!("{name} = {value}")).collect();
-            let text = format!("View3D's controls have no effect here: {}; the tolerance sets the accuracy", shown.join(", "));
+            let text =
+                format!("View3D's controls have no effect here: {}; the tolerance sets the accuracy", shown.join(", "));
             self.warn(statement.line, &text);
         }
         Ok(())
@@ -150,7 +153,8 @@ impl<'a> Reader<'a> {
         }
         let corners = self.corners(statement, number)?;
         let name = statement.word(8).map_or_else(|| format!("{number}"), str::to_owned);
-        let mut entry = Entry { statement: *statement, kind, number, corners, base: 0, combined: 0, emittance: 1.0, name };
+        let mut entry =
+            Entry { statement: *statement, kind, number, corners, base: 0, combined: 0, emittance: 1.0, name };
         if kind != Kind::Obstruction {
             entry.base = statement.integer(5, "the base number")?;
             entry.combined = statement.integer(6, "the combine number")?;
@@ -186,7 +190,8 @@ impl<'a> Reader<'a> {
         // What only stands in the way has the last numbers.
         let in_order = |other: &&Entry<'_>| other.number < entry.number || other.kind == Kind::Obstruction;
         found.filter(in_order).ok_or_else(|| {
-            let reason = format!("the {what} number of surface {} is {number}, and no surface before it has it", entry.number);
+            let reason =
+                format!("the {what} number of surface {} is {number}, and no surface before it has it", entry.number);
             entry.statement.error(reason, "name a surface with a lower number, or 0")
         })
     }
