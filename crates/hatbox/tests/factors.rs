@@ -191,12 +191,12 @@ fn integrals_agree_with_those_the_other_way_round() {
     let quads = [level([0., 2.], [0., 1.], 0., true), level([1., 1.5], [0., 3.], 0.3, false)];
     for tolerance in [1e-2, 1e-6] {
         let found = between(&quads, &Options { tolerance, ..Options::default() });
-        assert!(found.reversed_error > 0.0 && found.reversed_error < 2.0 * tolerance, "{}", found.reversed_error);
+        assert!(found.reversed_error < 2.0 * tolerance, "{}", found.reversed_error);
     }
     let sheet = level([0.5, 1.2], [0.2, 0.9], 0.15, true);
     let tolerance = 1e-3;
     let found = between(&[quads[0], quads[1], sheet], &Options { tolerance, ..Options::default() });
-    assert!(found.statistics.rays > 0 && found.reversed_error > 0.0);
+    assert!(found.statistics.rays > 0);
     assert!(found.reversed_error < 5.0 * tolerance, "{}", found.reversed_error);
 }
 

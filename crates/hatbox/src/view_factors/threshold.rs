@@ -18,7 +18,8 @@ pub struct Thinned {
     pub kept: usize,
     /// The most that a row lost, as a part of what leaves its surface, before the others made up for it.
     pub largest_loss: f64,
-    /// How they made up for it; its errors are against the row sums before anything was dropped.
+    /// How they made up for it; its errors are against the row sums before anything was dropped, or 1
+    /// where a sum was greater.
     pub closure: Closed,
 }
 
@@ -33,8 +34,9 @@ pub(super) fn thin(
     progress: &dyn Progress,
 ) -> Result<Thinned, Interrupted> {
     let area = |i: usize| surfaces[i].area;
-    let targets: Vec<f64> =
-        closure::sums(matrix, surfaces).iter().zip(surfaces).map(|(sum, surface)| sum * surface.area).collect();
+    // No row is to sum to more than one, even if it did.
+    let sums = closure::sums(matrix, surfaces);
+    let targets: Vec<f64> = sums.iter().zip(surfaces).map(|(sum, surface)| sum.min(1.0) * surface.area).collect();
     let split = |i: usize| -> (Vec<(u32, f64)>, Vec<(u32, f64)>) {
         let kept = |&(j, exchanged): &(u32, f64)| exchanged >= threshold * area(i).min(area(j as usize));
         matrix.entries(i).into_iter().partition(kept)
