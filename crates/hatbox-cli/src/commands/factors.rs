@@ -40,7 +40,7 @@ pub(crate) struct Done {
     /// What was done to the row sums; `null` if nothing.
     pub(crate) closure: Option<Closure>,
     /// What was left out; `null` if nothing was to be.
-    pub(crate) threshold: Option<Threshold>,
+    pub(crate) threshold: Option<LeftOut>,
     /// Rays cast.
     pub(crate) rays: u64,
     /// Pairs of elements that see each other.
@@ -114,7 +114,7 @@ impl From<Closed> for Closure {
 
 /// What was left out.
 #[derive(Debug, Clone, Copy, Serialize)]
-pub(crate) struct Threshold {
+pub(crate) struct LeftOut {
     /// Pairs with both factors below this.
     pub(crate) threshold: f64,
     /// Number of factors.
@@ -127,7 +127,7 @@ pub(crate) struct Threshold {
     pub(crate) rebalancing: Closure,
 }
 
-impl From<Thinned> for Threshold {
+impl From<Thinned> for LeftOut {
     fn from(thinned: Thinned) -> Self {
         Self {
             threshold: thinned.threshold,

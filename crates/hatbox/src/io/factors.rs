@@ -70,9 +70,9 @@ pub fn write(factors: &ViewFactors, path: &Path, progress: &dyn Progress) -> Res
     progress.begin("writing", factors.len() as u64);
     let result = (output.write)(&Source { factors, progress }, path);
     progress.end();
-    result.map_err(|error| match error.source.get_ref().is_some_and(|inner| inner.is::<Interrupted>()) {
-        true => WriteError::Interrupted(Interrupted),
-        false => WriteError::File(error),
+    result.map_err(|error| {
+        let inner = error.source.get_ref().and_then(|inner| inner.downcast_ref::<Interrupted>());
+        if inner.is_some() { WriteError::Interrupted(Interrupted) } else { WriteError::File(error) }
     })
 }
 

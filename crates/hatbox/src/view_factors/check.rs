@@ -159,7 +159,7 @@ mod tests {
     #[test]
     fn the_median_is_in_the_middle() {
         assert_eq!(Distribution::of([3.0, 1.0, 2.0]), Distribution { min: 1.0, median: 2.0, max: 3.0 });
-        assert_eq!(Distribution::of([4.0, 1.0]).median, 2.5);
-        assert_eq!(Distribution::of([7.0]).max, 7.0);
+        assert_eq!(Distribution::of([4.0, 1.0]), Distribution { min: 1.0, median: 2.5, max: 4.0 });
+        assert_eq!(Distribution::of([7.0]), Distribution { min: 7.0, median: 7.0, max: 7.0 });
     }
 }

@@ -30,6 +30,9 @@ const CAP_ROUNDS: usize = 3;
 /// A pair whose exchange area differs by less than this from the unobstructed one is clear.
 const CLEAR: f64 = 1e-9;
 
+/// A pair, lesser index first, and what its exchange area may be at the most.
+type Cap = ((u32, u32), f64);
+
 /// What an exchange area would be if nothing stood in the way.
 pub(super) type Bound<'a> = &'a (dyn Fn(usize, usize) -> f64 + Sync);
 
@@ -172,8 +175,7 @@ impl Problem<'_> {
             let sums = sums(matrix, self.surfaces);
             errors.push(self.error(&sums));
             let stalls = round >= PATIENCE && errors[round] > 0.9 * errors[round - PATIENCE];
-            // A matrix with something in it that is not a number ends here, too.
-            if !(errors[round] > ROUNDING) || stalls {
+            if errors[round] <= ROUNDING || errors[round].is_nan() || stalls {
                 break;
             }
             self.step(matrix, &sums);
@@ -220,11 +222,7 @@ pub(super) fn sums(matrix: &Matrix, surfaces: &[Surface]) -> Vec<f64> {
 }
 
 /// The pairs of which something hides a part, but which are now above what they would be if nothing did, with that value.
-fn raised_too_far(
-    matrix: &Matrix,
-    limits: Limits<'_>,
-    progress: &dyn Progress,
-) -> Result<Vec<((u32, u32), f64)>, Interrupted> {
+fn raised_too_far(matrix: &Matrix, limits: Limits<'_>, progress: &dyn Progress) -> Result<Vec<Cap>, Interrupted> {
     let integrated = limits.integrated.unwrap_or(matrix);
     let of_row = |i: usize| {
         if progress.interrupted() {

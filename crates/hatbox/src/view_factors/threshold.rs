@@ -7,6 +7,9 @@ use crate::linalg::Csr;
 use crate::progress::{Interrupted, Progress};
 use rayon::prelude::*;
 
+/// Entries of a row, each with its column.
+type Entries = Vec<(u32, f64)>;
+
 /// What a threshold did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Thinned {
@@ -37,13 +40,13 @@ pub(super) fn thin(
     // No row is to sum to more than one, even if it did.
     let sums = closure::sums(matrix, surfaces);
     let targets: Vec<f64> = sums.iter().zip(surfaces).map(|(sum, surface)| sum.min(1.0) * surface.area).collect();
-    let split = |i: usize| -> (Vec<(u32, f64)>, Vec<(u32, f64)>) {
+    let split = |i: usize| -> (Entries, Entries) {
         let kept = |&(j, exchanged): &(u32, f64)| exchanged >= threshold * area(i).min(area(j as usize));
         matrix.entries(i).into_iter().partition(kept)
     };
     let rows: Vec<_> = (0..matrix.len()).into_par_iter().map(split).collect();
     let dropped = rows.iter().map(|(_, dropped)| dropped.len()).sum();
-    let loss = |(i, (_, dropped)): (usize, &(_, Vec<(u32, f64)>))| {
+    let loss = |(i, (_, dropped)): (usize, &(_, Entries))| {
         dropped.iter().map(|(_, exchanged)| exchanged).sum::<f64>() / area(i)
     };
     let largest_loss = super::check::greatest(rows.iter().enumerate().map(loss));

@@ -110,7 +110,8 @@ impl<'a> Reader<'a> {
             'T' | 'X' => {}
             'E' | '*' => return Ok(false),
             other => {
-                self.warn(statement.line, &format!("`{other}` begins no line of View3D's format; it was left out"))
+                let text = format!("`{other}` begins no line of View3D's format; it was left out");
+                self.warn(statement.line, &text);
             }
         }
         Ok(true)
