@@ -6,7 +6,7 @@ use crate::options::{self, CameraArgument};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 use clap_complete::Shell;
-use hatbox::{element, exchange, io, solve, space};
+use hatbox::{element, exchange, io, solve, space, view_factors};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
@@ -104,6 +104,24 @@ pub(crate) struct FactorsArgs {
     pub(crate) accuracy: Accuracy,
     #[command(flatten)]
     pub(crate) mesh: FactorMeshArgs,
+    /// How the sums of the rows are made right
+    ///
+    /// In a closed scene each becomes 1, in an open one what the rays that measure it do not see escape. Reciprocity stays,
+    /// zeros stay zero, and what is hidden in part stays below what it would be if nothing stood in the way. What changed
+    /// is reported.
+    #[arg(long, value_name = "METHOD", default_value = options::default_closure(), value_parser = closures())]
+    pub(crate) closure: String,
+    /// Leave out pairs whose factors are both below this, such as 1e-4 or 0.01%
+    ///
+    /// The others make up for them by the method of --closure (by scaling, if it is none), so that the rows sum to what
+    /// they did. What was left out is reported.
+    #[arg(long, value_name = "F", default_value_t = 0.0, value_parser = options::fraction)]
+    pub(crate) threshold: f64,
+    /// Memory that may be used, such as 4G or 500M [default: what is free]
+    ///
+    /// Needs are estimated before the work begins; what does not fit is refused.
+    #[arg(long, value_name = "SIZE", value_parser = options::size)]
+    pub(crate) memory: Option<u64>,
     #[command(flatten)]
     pub(crate) run: RunArgs,
 }
@@ -112,12 +130,15 @@ const FACTORS_EXAMPLES: &str = "\
 Examples:
   hatbox factors enclosure.obj --groups
   hatbox factors enclosure.obj --elements 5000 -o factors.npz    (scipy.sparse.load_npz reads it)
-  hatbox factors satellite.glb --groups=material --tolerance 1e-4 -o factors.csv";
+  hatbox factors satellite.glb --groups=material --tolerance 1e-4 -o factors.csv
+  hatbox factors room.vs3 --groups --closure scaling -o room.vf  (View3D's formats)
+  hatbox factors hall.glb --elements 5000 --closure least-squares --threshold 1e-5 -o hall.npz";
 
 /// What makes elements one group.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum GroupKind {
     /// The object (node, part) of the file
+    #[value(alias = "node")]
     Object,
     /// The material
     Material,
@@ -291,6 +312,10 @@ fn operators() -> PossibleValuesParser {
 fn solvers() -> PossibleValuesParser {
     let auto = (options::AUTO, "cg where the reflectance is constant on every element, else gmres");
     names([auto].into_iter().chain(solve::ALL.iter().map(|solver| (solver.name, solver.summary))))
+}
+
+fn closures() -> PossibleValuesParser {
+    names(view_factors::CLOSURES.iter().map(|method| (method.name, method.summary)))
 }
 
 fn scenes_short() -> String {

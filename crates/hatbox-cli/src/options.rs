@@ -2,6 +2,7 @@
 
 use crate::args::{FactorsArgs, GroupKind, MeshArgs, RunArgs, Shown, SolveArgs, ViewArgs};
 use crate::failure::Failure;
+use crate::memory;
 use glam::DVec3;
 use hatbox::bake::Exposure;
 use hatbox::element::Basis;
@@ -12,7 +13,7 @@ use hatbox::radiosity::{self, Options};
 use hatbox::render::RenderOptions;
 use hatbox::scene::Camera;
 use hatbox::space::Continuity;
-use hatbox::view_factors::{self, Between};
+use hatbox::view_factors::{self, Between, ClosureMethodKind};
 use hatbox::{exchange, solve};
 
 /// The word that leaves a choice to the library.
@@ -45,8 +46,14 @@ pub(crate) fn solve(args: &SolveArgs) -> Options {
     }
 }
 
+/// The closure of view factors if none is asked for.
+pub(crate) fn default_closure() -> &'static str {
+    ClosureMethodKind::default().name()
+}
+
 /// What view factors to compute and how.
 pub(crate) fn factors(args: &FactorsArgs) -> view_factors::Options {
+    let closure = view_factors::CLOSURES.iter().find(|method| method.name == args.closure);
     let mesh = MeshArgs { max_edge: args.mesh.max_edge, elements: args.mesh.elements };
     view_factors::Options {
         between: match args.groups {
@@ -57,6 +64,9 @@ pub(crate) fn factors(args: &FactorsArgs) -> view_factors::Options {
         refinement: refinement(&mesh).unwrap_or_default(),
         tolerance: args.accuracy.tolerance,
         seed: args.run.seed,
+        closure: closure.map(|method| method.kind).unwrap_or_default(),
+        threshold: args.threshold,
+        memory: args.memory.or_else(memory::available),
     }
 }
 
@@ -153,12 +163,39 @@ pub(crate) fn count(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|&n| n > 0).ok_or_else(|| "it must be a whole number greater than 0".to_owned())
 }
 
+/// A number, or a percentage.
+fn ratio(text: &str) -> Result<f64, String> {
+    match text.strip_suffix('%') {
+        Some(percent) => Ok(number(percent.trim())? / 100.0),
+        None => number(text),
+    }
+}
+
+/// Parses a part of a whole: 0.01% or 1e-4; it may be 0.
+pub(crate) fn fraction(text: &str) -> Result<f64, String> {
+    let value = ratio(text)?;
+    let right = (0.0..1.0).contains(&value);
+    if right { Ok(value) } else { Err("it must be at least 0 and less than 1, such as 1e-4 or 0.01%".to_owned()) }
+}
+
+/// Parses a number of bytes: 4G, 500 MB, 2GiB.
+pub(crate) fn size(text: &str) -> Result<u64, String> {
+    let expected = || format!("`{text}` is no size; give bytes, or a number with k, M, G or T, such as 4G");
+    let letters = text.find(|c: char| c.is_ascii_alphabetic() && c != 'e').unwrap_or(text.len());
+    let (digits, unit) = text.split_at(letters);
+    let unit = unit.to_ascii_lowercase();
+    let (prefix, base) = match unit.strip_suffix("ib") {
+        Some(prefix) => (prefix, 1024.0_f64),
+        None => (unit.strip_suffix('b').unwrap_or(&unit), 1000.0),
+    };
+    let power = ["", "k", "m", "g", "t"].iter().position(|known| *known == prefix).ok_or_else(expected)?;
+    let bytes = number(digits.trim()).map_err(|_| expected())? * base.powi(power as i32);
+    if bytes >= 1.0 { Ok(bytes as u64) } else { Err("it must be greater than 0".to_owned()) }
+}
+
 /// Parses a relative error: 1% or 0.01.
 pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
-    let value = match text.strip_suffix('%') {
-        Some(percent) => number(percent.trim())? / 100.0,
-        None => number(text)?,
-    };
+    let value = ratio(text)?;
     if value > 0.0 && value < 1.0 {
         return Ok(value);
     }
@@ -189,6 +226,23 @@ mod tests {
         assert_eq!([tolerance("1%"), tolerance("0.01"), tolerance("1e-2"), tolerance("1 %")], [const { Ok(0.01) }; 4]);
         for wrong in ["0", "-1%", "100%", "2", "one", "nan", ""] {
             assert!(tolerance(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn sizes_have_prefixes() {
+        assert_eq!([size("4G"), size("4e9"), size("4000 MB")], [const { Ok(4_000_000_000) }; 3]);
+        assert_eq!([size("2GiB"), size("2097152KiB")], [const { Ok(1 << 31) }; 2]);
+        for wrong in ["", "G", "4X", "-1G", "0", "nan", "4 GG"] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn fractions_may_be_nothing_but_not_the_whole() {
+        assert_eq!([fraction("0"), fraction("0.01%"), fraction("1e-4")], [Ok(0.0), Ok(1e-4), Ok(1e-4)]);
+        for wrong in ["1", "-1e-4", "nan", "", "100%"] {
+            assert!(fraction(wrong).is_err(), "{wrong}");
         }
     }
 

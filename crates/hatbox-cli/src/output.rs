@@ -37,6 +37,12 @@ pub(crate) fn warn(warnings: &[String]) {
     }
 }
 
+/// Writes a line to standard error.
+pub(crate) fn note(text: &str) {
+    // Where standard error is closed there is nobody to tell.
+    let _ = writeln!(io::stderr(), "{text}");
+}
+
 /// The most memory that the process has held, where the system tells.
 pub(crate) fn peak_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;

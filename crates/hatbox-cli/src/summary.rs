@@ -2,11 +2,11 @@
 
 use crate::commands::Written;
 use crate::commands::check::Done as Checked;
-use crate::commands::factors::Done as Factors;
+use crate::commands::factors::{Closure, Done as Factors};
 use crate::commands::solve::Done;
 use crate::style::Style;
 use hatbox::report::Report;
-use hatbox::view_factors::ViewFactors;
+use hatbox::view_factors::{Estimate, ViewFactors};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -164,23 +164,71 @@ pub(crate) fn factors(path: &Path, found: &ViewFactors, done: &Factors, style: S
             bytes(done.bytes as u64)
         ),
     );
-    let [least, greatest] = done.row_sums;
-    let sums = if done.closed {
-        format!("1 ± {}", small(done.max_row_sum_error))
-    } else {
-        format!("{least:.6} … {greatest:.6}, the rest goes to the environment")
-    };
-    lines.line("Row sums", &sums);
+    row_sums(&mut lines, done);
     lines.line(
         "Error",
         &format!("estimated: quadrature {}, visibility {}", small(done.quadrature_error), small(done.visibility_error)),
     );
+    lines.more(&format!(
+        "found: reciprocity {} in the matrix, {} of pairs integrated the other way round",
+        small(done.max_reciprocity_error),
+        small(done.reversed_error)
+    ));
     written(&mut lines, &done.outputs);
     lines.line("Total", &total(done.seconds, done.peak_bytes));
     if found.len() <= SHOWN_SURFACES {
         lines.text += &matrix(found, style);
     }
     lines.text
+}
+
+/// The sums of the rows, and what was done about them.
+fn row_sums(lines: &mut Lines, done: &Factors) {
+    let [least, greatest] = done.row_sums;
+    let median = done.row_sum_errors.median;
+    let sums = match &done.environment {
+        None => format!("1 ± {} (median error {})", small(done.max_row_sum_error), small(median)),
+        Some(environment) => format!(
+            "{least:.6} … {greatest:.6}, the rest goes to the environment (median {})",
+            percent(environment.median)
+        ),
+    };
+    lines.line("Row sums", &sums);
+    if let Some(closure) = &done.closure {
+        lines.line("Closure", &closed(closure));
+    }
+    if let Some(threshold) = &done.threshold {
+        let (dropped, kept) = (count(threshold.dropped as u64), count(threshold.kept as u64));
+        lines.line(
+            "Threshold",
+            &format!(
+                "{dropped} factors left out, {kept} kept; a row lost at most {}",
+                percent(threshold.largest_row_loss)
+            ),
+        );
+        lines.more(&format!("made up for by {}", closed(&threshold.rebalancing)));
+    }
+}
+
+/// What a closure did.
+fn closed(closure: &Closure) -> String {
+    let capped = match closure.capped_pairs {
+        0 => String::new(),
+        pairs => format!("; {} pairs kept at their unobstructed value", count(pairs as u64)),
+    };
+    format!(
+        "{}: row sums were off by up to {}, now {}; no factor changed by more than {}{capped}",
+        closure.method,
+        small(closure.row_sum_error_before),
+        small(closure.row_sum_error_after),
+        percent(closure.largest_relative_change)
+    )
+}
+
+/// What is about to be taken.
+pub(crate) fn estimate(estimate: &Estimate, limit: Option<u64>) -> String {
+    let limit = limit.map_or(String::new(), |limit| format!(" of {}", bytes(limit)));
+    format!("about {} elements, {}{limit} of memory", count(estimate.elements as u64), bytes(estimate.bytes))
 }
 
 /// The factors of few surfaces, as a table.

@@ -1,5 +1,7 @@
 //! The binary as its users meet it: what it prints, what it writes, how it ends.
 
+#[path = "cli/factors.rs"]
+mod factors;
 #[path = "cli/failures.rs"]
 mod failures;
 #[path = "cli/solutions.rs"]
@@ -188,6 +190,31 @@ fn check_finds_dark_rooms() {
     let folder = Folder::new();
     let unlit = folder.file("unlit.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n");
     assert!(text(&succeed(hatbox().arg("check").arg(unlit)).stdout).contains("nothing emits"));
+}
+
+#[test]
+fn check_says_when_a_room_is_inside_out() {
+    let folder = Folder::new();
+    let room = std::fs::read_to_string(sample(CUBE)).expect("the sample");
+    let turned = |line: &str| {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[..] {
+            ["f", a, b, c, d] => format!("f {d} {c} {b} {a}"),
+            _ => line.to_owned(),
+        }
+    };
+    let turned: Vec<String> = room.lines().map(turned).collect();
+    for (text, expected) in [(room, false), (turned.join("\n"), true)] {
+        let scene = folder.file("room.obj", text);
+        let report = json(hatbox().arg("check").arg(&scene).arg("--json"));
+        let findings = report["findings"].as_array().expect("a list");
+        let found = findings.iter().find(|finding| finding["kind"] == "inside-out");
+        assert_eq!(found.is_some(), expected, "{report:#}");
+        if let Some(found) = found {
+            let message = found["message"].as_str().expect("text");
+            assert!(found["count"] == 6 && message.contains("outwards") && message.contains("turn them"), "{message}");
+        }
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@
 use crate::assemble::Panel;
 use crate::element::ALL;
 use crate::exchange::{Geometry, escape};
-use crate::mesh::{Finding, Mesh, Severity, diagnose_sheets};
+use crate::mesh::{Finding, Mesh, Severity, diagnose_room};
 use crate::progress::Silent;
 use crate::quadrature::sequence::{hash, point};
 use crate::scene::{Material, Physics, Scene, SceneError, Warning};
@@ -71,7 +71,7 @@ impl Check {
     /// Examines what a file says.
     pub fn new(mesh: Mesh, materials: Vec<Material>, physics: Physics) -> Self {
         let two_sided = |material: u32| materials.get(material as usize).is_some_and(|material| material.two_sided);
-        let findings = diagnose_sheets(&mesh, two_sided);
+        let findings = diagnose_room(&mesh, two_sided);
         match Scene::new(mesh, materials, physics, None) {
             Ok(scene) => {
                 let (repairs, lighting) = (scene.warnings.clone(), Lighting::of(&scene));

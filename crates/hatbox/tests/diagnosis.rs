@@ -3,7 +3,7 @@
 mod meshes;
 
 use glam::DVec3;
-use hatbox::mesh::{FindingKind, Mesh, Severity, diagnose, diagnose_sheets};
+use hatbox::mesh::{FindingKind, Mesh, Severity, diagnose, diagnose_room, diagnose_sheets};
 use meshes::{CUBE, cornell, face, icosphere, room};
 
 fn findings(mesh: &Mesh) -> Vec<(FindingKind, usize)> {
@@ -14,6 +14,27 @@ fn findings(mesh: &Mesh) -> Vec<(FindingKind, usize)> {
 fn sound_meshes_have_no_findings() {
     assert_eq!(findings(&room(DVec3::ONE, |k| k % 2 == 0)), []);
     assert_eq!(findings(&icosphere(2)), []);
+}
+
+#[test]
+fn a_room_whose_faces_look_outwards_is_inside_out_and_a_body_is_not() {
+    let kinds = |mesh: &Mesh| diagnose_room(mesh, |_| false).iter().map(|f| (f.kind, f.count)).collect::<Vec<_>>();
+    let mut inside_out = room(DVec3::ONE, |_| false);
+    assert_eq!(kinds(&inside_out), []);
+    inside_out.cells.iter_mut().for_each(|cell| cell.vertices.reverse());
+    assert_eq!(kinds(&inside_out), [(FindingKind::InsideOut, 6)]);
+    assert!(diagnose_room(&inside_out, |_| true).is_empty(), "both sides are lit");
+    assert_eq!(findings(&inside_out), [], "as a body it is sound");
+    // Furniture in a room looks outwards, and so it should.
+    let mut furnished = room(DVec3::splat(3.0), |_| false);
+    let vertices = furnished.vertices.len() as u32;
+    furnished.vertices.extend(inside_out.vertices.iter().map(|v| *v * 0.5 + DVec3::ONE));
+    furnished.cells.extend(inside_out.cells.iter().map(|cell| {
+        let mut cell = *cell;
+        cell.vertices = cell.vertices.map(|v| v + vertices);
+        cell
+    }));
+    assert_eq!(kinds(&furnished), []);
 }
 
 #[test]

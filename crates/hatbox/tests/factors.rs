@@ -1,9 +1,14 @@
 //! View factors against closed forms (numbers of J. R. Howell's catalogue), with and without occluders.
 
-use hatbox::io::{factors, npy, read_scene};
+#[path = "factors/closures.rs"]
+mod closures;
+#[path = "factors/view3d.rs"]
+mod view3d;
+
+use hatbox::io::{WriteError, factors, npy, read_scene};
 use hatbox::mesh::Refinement;
-use hatbox::progress::Silent;
-use hatbox::view_factors::{Between, Error, Options, ViewFactors};
+use hatbox::progress::{Progress, Silent};
+use hatbox::view_factors::{Between, Error, Estimate, Options, ViewFactors};
 use std::fmt::Write as _;
 use std::io::Read;
 
@@ -149,17 +154,49 @@ fn an_open_scene_says_so_and_sums_to_less_than_one() {
     assert_eq!(check.nonzeros, 2);
 }
 
+/// A single square, as a file says it.
+fn square() -> hatbox::scene::Scene {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("scene.obj");
+    std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n").expect("writing a test file");
+    read_scene(&path).expect("a valid scene").0
+}
+
 #[test]
 fn too_many_elements_are_refused_before_any_work() {
-    let (scene, _) = {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        let path = folder.path().join("scene.obj");
-        std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n").expect("writing a test file");
-        read_scene(&path).expect("a valid scene")
-    };
-    let options = Options { refinement: Refinement::Elements(300_000), ..Options::default() };
-    let error = ViewFactors::new(&scene, &options, &Silent).expect_err("180 GB");
-    assert!(matches!(error, Error::Exchange(_)) && error.to_string().contains("fewer"), "{error}");
+    struct Nothing;
+    impl Progress for Nothing {
+        fn begin(&self, stage: &'static str, _: u64) {
+            panic!("{stage} began");
+        }
+    }
+    for refinement in [Refinement::Elements(300_000), Refinement::MaxEdge(0.002)] {
+        let options = Options { refinement, memory: Some(16_000_000_000), ..Options::default() };
+        let estimate = Estimate::of(&square(), &options).expect("a possible mesh");
+        assert!(estimate.bytes > 8 * (estimate.elements as u64).pow(2) / 2, "{estimate:?}");
+        let error = ViewFactors::new(&square(), &options, &Nothing).expect_err("180 GB");
+        assert!(matches!(error, Error::Memory { .. }) && error.to_string().contains("fewer"), "{error}");
+    }
+    let whole = Estimate::of(&square(), &Options::default()).expect("a possible mesh");
+    let options = Options { memory: Some(whole.bytes), ..Options::default() };
+    assert!(ViewFactors::new(&square(), &options, &Silent).is_ok());
+    let options = Options { memory: Some(whole.bytes - 1), ..Options::default() };
+    assert!(matches!(ViewFactors::new(&square(), &options, &Silent), Err(Error::Memory { elements: 1, .. })));
+}
+
+#[test]
+fn integrals_agree_with_those_the_other_way_round() {
+    // An oblong and a strip, so that the two ways are different sums.
+    let quads = [level([0., 2.], [0., 1.], 0., true), level([1., 1.5], [0., 3.], 0.3, false)];
+    for tolerance in [1e-2, 1e-6] {
+        let found = between(&quads, &Options { tolerance, ..Options::default() });
+        assert!(found.reversed_error < 2.0 * tolerance, "{}", found.reversed_error);
+    }
+    let sheet = level([0.5, 1.2], [0.2, 0.9], 0.15, true);
+    let tolerance = 1e-3;
+    let found = between(&[quads[0], quads[1], sheet], &Options { tolerance, ..Options::default() });
+    assert!(found.statistics.rays > 0);
+    assert!(found.reversed_error < 5.0 * tolerance, "{}", found.reversed_error);
 }
 
 #[test]
@@ -168,7 +205,7 @@ fn the_files_hold_the_matrix() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for output in &factors::OUTPUTS {
         let path = folder.path().join(format!("factors.{}", output.extension));
-        factors::write(&found, &path).expect("written");
+        factors::write(&found, &path, &Silent).expect("written");
     }
     let table = std::fs::read_to_string(folder.path().join("factors.csv")).expect("a table");
     let rows: Vec<Vec<&str>> = table.lines().map(|line| line.split(',').collect()).collect();
@@ -191,4 +228,48 @@ fn the_files_hold_the_matrix() {
     assert_eq!(array("shape.npy").integers(0), Ok(vec![6, 6]));
     assert_eq!(array("indices.npy").integers(0).expect("integers")[..5], [1, 2, 3, 4, 5]);
     assert_eq!(array("data.npy").f64s().expect("numbers")[5].to_bits(), found.get(1, 0).to_bits());
+    let row = &found.check().rows[2];
+    for (key, value) in [
+        ("areas", found.surfaces[2].area),
+        ("emittances", found.surfaces[2].emittance),
+        ("escape", found.surfaces[2].escape),
+        ("environment", 1.0 - row.sum),
+        ("row_sum_error", row.closure_error),
+        ("reciprocity_error", row.reciprocity_error),
+    ] {
+        let values = array(&format!("{key}.npy")).f64s().expect("numbers");
+        assert_eq!((values.len(), values[2].to_bits()), (6, value.to_bits()), "{key}");
+    }
+}
+
+#[test]
+fn writing_can_be_interrupted() {
+    struct Stop;
+    impl Progress for Stop {
+        fn interrupted(&self) -> bool {
+            true
+        }
+    }
+    let found = between(&cube(), &Options::default());
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for output in &factors::OUTPUTS {
+        let result = factors::write(&found, &folder.path().join(format!("f.{}", output.extension)), &Stop);
+        assert!(matches!(result, Err(WriteError::Interrupted(_))), "{}", output.extension);
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).expect("the folder").count(), 0);
+}
+
+#[test]
+fn what_escapes_is_what_the_rows_lack() {
+    let tolerance = 1e-3;
+    // A cube without its lid.
+    let mut open = cube();
+    open.remove(1);
+    let found = between(&open, &Options { tolerance, ..Options::default() });
+    for (surface, row) in found.surfaces.iter().zip(&found.check().rows) {
+        assert!((surface.escape - row.environment()).abs() < 5e-3, "{surface:?} {row:?}");
+        let noise = row.environment() - surface.escape;
+        assert!((row.closure_error + noise).abs() < 1e-12);
+    }
+    assert!((found.surfaces[0].escape - 0.199_824_895_698_387).abs() < 2e-3);
 }

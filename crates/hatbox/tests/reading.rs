@@ -15,6 +15,8 @@ mod obj;
 mod sample_scenes;
 #[path = "reading/scene_file.rs"]
 mod scene_file;
+#[path = "reading/vs3.rs"]
+mod vs3;
 
 use glam::{DVec2, DVec3};
 use hatbox::io::{RawScene, ReadError, read_raw};

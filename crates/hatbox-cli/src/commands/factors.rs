@@ -8,7 +8,7 @@ use crate::style::Style;
 use crate::{options, output, summary};
 use hatbox::exchange::ExchangeError;
 use hatbox::io::{self, factors};
-use hatbox::view_factors::{self, ViewFactors};
+use hatbox::view_factors::{self, Closed, Distribution, Estimate, RowCheck, Thinned, ViewFactors};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
@@ -30,6 +30,17 @@ pub(crate) struct Done {
     pub(crate) max_row_sum_error: f64,
     /// The greatest `|A_i F_ij − A_j F_ji|`, relative to the greater.
     pub(crate) max_reciprocity_error: f64,
+    /// The greatest difference of an exchange area from the same integral with its two elements exchanged, over some
+    /// pairs; relative as the tolerance is.
+    pub(crate) reversed_error: f64,
+    /// Row sum minus what it should be: in a closed scene 1, in an open one what the measured escape leaves.
+    pub(crate) row_sum_errors: Spread,
+    /// What goes to the environment, 1 − row sum; `null` in a closed scene, where it is an error.
+    pub(crate) environment: Option<Spread>,
+    /// What was done to the row sums; `null` if nothing.
+    pub(crate) closure: Option<Closure>,
+    /// What was left out; `null` if nothing was to be.
+    pub(crate) threshold: Option<LeftOut>,
     /// Rays cast.
     pub(crate) rays: u64,
     /// Pairs of elements that see each other.
@@ -42,6 +53,10 @@ pub(crate) struct Done {
     pub(crate) visibility_error: f64,
     /// Memory of the exchange areas.
     pub(crate) bytes: usize,
+    /// The memory that was expected to be needed.
+    pub(crate) estimated_bytes: u64,
+    /// The memory that might be used; `null` where the system does not tell.
+    pub(crate) available_bytes: Option<u64>,
     /// From start to end.
     pub(crate) seconds: f64,
     /// The most memory held; `null` where the system does not tell.
@@ -50,6 +65,78 @@ pub(crate) struct Done {
     pub(crate) outputs: Vec<Written>,
     /// What was repaired or passed over in the input.
     pub(crate) warnings: Vec<String>,
+}
+
+/// How numbers are distributed.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub(crate) struct Spread {
+    /// The smallest.
+    pub(crate) min: f64,
+    /// The one in the middle.
+    pub(crate) median: f64,
+    /// The greatest.
+    pub(crate) max: f64,
+}
+
+impl Spread {
+    fn of(rows: &[RowCheck], value: impl Fn(&RowCheck) -> f64) -> Self {
+        let Distribution { min, median, max } = Distribution::of(rows.iter().map(value));
+        Self { min, median, max }
+    }
+}
+
+/// What was done to the row sums.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub(crate) struct Closure {
+    /// How.
+    pub(crate) method: &'static str,
+    /// The greatest error of a row sum before.
+    pub(crate) row_sum_error_before: f64,
+    /// The greatest error of a row sum after.
+    pub(crate) row_sum_error_after: f64,
+    /// The greatest relative change of a factor.
+    pub(crate) largest_relative_change: f64,
+    /// Pairs that were kept at what they would be if nothing stood in the way.
+    pub(crate) capped_pairs: usize,
+}
+
+impl From<Closed> for Closure {
+    fn from(closed: Closed) -> Self {
+        Self {
+            method: closed.method.name(),
+            row_sum_error_before: closed.error_before,
+            row_sum_error_after: closed.error_after,
+            largest_relative_change: closed.largest_change,
+            capped_pairs: closed.capped,
+        }
+    }
+}
+
+/// What was left out.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub(crate) struct LeftOut {
+    /// Pairs with both factors below this.
+    pub(crate) threshold: f64,
+    /// Number of factors.
+    pub(crate) dropped: usize,
+    /// Number of factors that are left.
+    pub(crate) kept: usize,
+    /// The most that a row lost, before the others made up for it.
+    pub(crate) largest_row_loss: f64,
+    /// How they made up for it; the errors are against the row sums before.
+    pub(crate) rebalancing: Closure,
+}
+
+impl From<Thinned> for LeftOut {
+    fn from(thinned: Thinned) -> Self {
+        Self {
+            threshold: thinned.threshold,
+            dropped: thinned.dropped,
+            kept: thinned.kept,
+            largest_row_loss: thinned.largest_loss,
+            rebalancing: thinned.closure.into(),
+        }
+    }
 }
 
 pub(super) fn run(args: &FactorsArgs, talk: Talk) -> Result<(), Failure> {
@@ -63,21 +150,33 @@ pub(super) fn run(args: &FactorsArgs, talk: Talk) -> Result<(), Failure> {
     // 2. The scene.
     let (scene, warnings) = io::read_scene(&args.scene.path)?;
     output::warn(&warnings);
-    // 3. The factors.
+    // 3. The factors, if they fit.
+    let options = options::factors(args);
+    let failed = |error| failure(&args.scene.path, &error);
+    let estimate = Estimate::of(&scene, &options).map_err(|error| failed(error.into()))?;
     let bars = Bars::new(talk.shows_progress());
-    let found = ViewFactors::new(&scene, &options::factors(args), &bars);
-    let found = found.map_err(|error| failure(&args.scene.path, &error))?;
+    if talk.shows_progress() {
+        output::note(&summary::estimate(&estimate, options.memory));
+    }
+    let found = ViewFactors::new(&scene, &options, &bars).map_err(failed)?;
     // 4. The files.
     let mut outputs = Vec::new();
     for path in &args.output {
         if crate::interrupt::asked() {
             return Err(Failure::Interrupted);
         }
-        factors::write(&found, path)?;
+        factors::write(&found, path, &bars)?;
         outputs.push(Written::new(path));
     }
     // 5. The summary.
-    let done = Done { seconds: started.elapsed().as_secs_f64(), outputs, warnings, ..done(&found) };
+    let done = Done {
+        seconds: started.elapsed().as_secs_f64(),
+        outputs,
+        warnings,
+        estimated_bytes: estimate.bytes,
+        available_bytes: options.memory,
+        ..done(&found)
+    };
     match talk {
         Talk::Json => output::print_json(&done),
         Talk::Summary => output::print(&summary::factors(&args.scene.path, &found, &done, Style::stdout())),
@@ -88,6 +187,11 @@ pub(super) fn run(args: &FactorsArgs, talk: Talk) -> Result<(), Failure> {
 fn failure(path: &Path, error: &view_factors::Error) -> Failure {
     match error {
         view_factors::Error::Exchange(ExchangeError::Interrupted(_)) => Failure::Interrupted,
+        view_factors::Error::Memory { .. } => Failure::with_help(
+            format!("{}: {error}", path.display()),
+            "ask for fewer elements (--elements, --max-edge); every pair of them is kept until the end, so --groups and \
+             --threshold make the result smaller, but not the work. --memory allows more",
+        ),
         _ => Failure::of_file(path, error),
     }
 }
@@ -102,12 +206,19 @@ fn done(found: &ViewFactors) -> Done {
         row_sums: [check.least_row_sum, check.greatest_row_sum],
         max_row_sum_error: check.max_row_sum_error,
         max_reciprocity_error: check.max_reciprocity_error,
+        reversed_error: found.reversed_error,
+        row_sum_errors: Spread::of(&check.rows, |row| row.closure_error),
+        environment: (!found.is_closed()).then(|| Spread::of(&check.rows, RowCheck::environment)),
+        closure: found.closure.map(Into::into),
+        threshold: found.threshold.map(Into::into),
         rays: statistics.rays,
         pairs: statistics.pairs,
         clear_pairs: statistics.clear_pairs,
         quadrature_error: statistics.quadrature_error,
         visibility_error: statistics.visibility_error,
-        bytes: statistics.bytes,
+        bytes: found.bytes(),
+        estimated_bytes: 0,
+        available_bytes: None,
         seconds: 0.0,
         peak_bytes: output::peak_bytes(),
         outputs: Vec::new(),

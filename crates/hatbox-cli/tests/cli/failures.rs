@@ -62,7 +62,12 @@ fn mistakes_in_scene_files_are_shown_underlined() {
     folder.file("square.obj", format!("{SQUARE}usemtl paint\nf 1 2 3 4\n"));
     let mesh = "[[mesh]]\nfile = \"square.obj\"\n";
     let unknown = format!("{mesh}[material.paint]\nreflectence = 0.5\n");
-    fail_to_solve(&folder, "unknown.toml", unknown, &["line 4", "reflectence = 0.5", "unknown field"]);
+    fail_to_solve(
+        &folder,
+        "unknown.toml",
+        unknown,
+        &["line 4", "reflectence = 0.5", "unknown field", "did you mean `reflectance`?"],
+    );
     let bright = format!("{mesh}[material.paint]\nreflectance = 1.4\n");
     fail_to_solve(&folder, "bright.toml", bright, &["line 4", "reflectance = 1.4", "between 0 and 1"]);
 }

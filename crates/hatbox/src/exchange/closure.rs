@@ -179,36 +179,52 @@ fn cell_deficit(space: &FunctionSpace, target: &MultiVector, sums: &MultiVector)
     (0..space.cells()).map(deficit).fold(0.0, f64::max)
 }
 
-/// The fraction of the light of uniformly glowing panels that leaves the scene: cosine rays from every panel, weighted by
-/// area, that hit nothing or end on a face whose back they meet.
+/// The fraction of the light of uniformly glowing panels that leaves the scene: [`escapes`], weighted by area.
 ///
 /// # Errors
 /// [`Interrupted`].
 pub fn escape(geometry: &Geometry<'_>, scene: &Scene, seed: u64, progress: &dyn Progress) -> Result<f64, Interrupted> {
-    let two_sided = two_sided_surfaces(scene);
+    let fractions = escapes(geometry, scene, 0, seed, progress)?;
+    let area: f64 = geometry.panels.iter().map(Panel::area).sum();
+    let lost: f64 = geometry.panels.iter().zip(fractions).map(|(panel, fraction)| panel.area() * fraction).sum();
+    Ok(if area > 0.0 { lost / area } else { 0.0 })
+}
+
+/// For each panel the fraction of cosine rays that hit nothing, or a side of a face that receives nothing. At least
+/// `rays` are cast from each.
+///
+/// # Errors
+/// [`Interrupted`].
+pub fn escapes(
+    geometry: &Geometry<'_>,
+    scene: &Scene,
+    rays: u32,
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<Vec<f64>, Interrupted> {
+    let receives = receiving_sides(scene);
     let count = ALL_ESCAPE_RAYS.div_ceil(geometry.panels.len().max(1)).max(ESCAPE_RAYS as usize) as u32;
+    let count = count.max(rays);
     let lost = |(index, panel): (usize, &Panel)| {
         let set = hash(seed ^ 0x6573_6361, index as u64);
         let escapes = |&k: &u32| {
             let (origin, direction) = cosine_ray(panel, point(set, k));
             let hit = geometry.blockers.closest_hit(origin, direction, f64::INFINITY, |id, _| id != panel.surface);
-            !hit.is_some_and(|hit| hit.front || two_sided[hit.id as usize])
+            !hit.is_some_and(|hit| receives[hit.id as usize][usize::from(!hit.front)])
         };
-        let rays = (0..count).filter(escapes).count() as f64;
-        if progress.interrupted() { Err(Interrupted) } else { Ok(panel.area() * rays / f64::from(count)) }
+        let escaped = (0..count).filter(escapes).count() as f64;
+        if progress.interrupted() { Err(Interrupted) } else { Ok(escaped / f64::from(count)) }
     };
-    let lost: Vec<f64> = geometry.panels.par_iter().enumerate().map(lost).collect::<Result<_, _>>()?;
-    let area: f64 = geometry.panels.iter().map(Panel::area).sum();
-    Ok(if area > 0.0 { lost.iter().sum::<f64>() / area } else { 0.0 })
+    geometry.panels.par_iter().enumerate().map(lost).collect()
 }
 
-/// Which faces of the input have two sides.
-fn two_sided_surfaces(scene: &Scene) -> Vec<bool> {
-    let mut two_sided = vec![false; scene.surfaces.len()];
+/// Whether the front and the back of each face of the input receive light.
+fn receiving_sides(scene: &Scene) -> Vec<[bool; 2]> {
+    let mut receives = vec![[false; 2]; scene.surfaces.len()];
     for cell in &scene.mesh.cells {
-        two_sided[cell.surface as usize] = scene.materials[cell.material as usize].two_sided;
+        receives[cell.surface as usize] = [true, scene.materials[cell.material as usize].two_sided];
     }
-    two_sided
+    receives
 }
 
 /// A uniform point of a panel and a cosine-distributed direction from it.

@@ -7,7 +7,7 @@ mod closure;
 mod dense;
 mod tree;
 
-pub use closure::{Balanced, Closure, escape};
+pub use closure::{Balanced, Closure, escape, escapes};
 pub use dense::Dense;
 
 use crate::assemble::Panel;

@@ -1,12 +1,14 @@
-//! View factors in files: a sparse matrix for NumPy and SciPy, for everyone (Matrix Market), or a table for spreadsheets.
+//! View factors in files: a sparse matrix for NumPy and SciPy, for everyone (Matrix Market), a table for spreadsheets, or
+//! the text that View3D writes.
 //!
-//! Rows are written one after the other, straight from the exchange areas: the matrix itself is never in memory.
+//! Rows are written one after the other, straight from the exchange areas: the matrix F itself is never in memory.
 
 use super::atomic;
 use super::csv::quoted;
 use super::npy::{self, Scalar};
 use super::write::WriteError;
-use crate::view_factors::ViewFactors;
+use crate::progress::{Interrupted, Progress};
+use crate::view_factors::{RowCheck, ViewFactors};
 use std::io::{self, Seek, Write};
 use std::path::Path;
 use zip::write::{SimpleFileOptions, ZipWriter};
@@ -18,11 +20,11 @@ pub struct FactorOutput {
     pub extension: &'static str,
     /// One line for help texts.
     pub summary: &'static str,
-    write: fn(&ViewFactors, &Path) -> Result<(), atomic::AtomicError>,
+    write: fn(&Source<'_>, &Path) -> Result<(), atomic::AtomicError>,
 }
 
 /// Every format.
-pub static OUTPUTS: [FactorOutput; 3] = [
+pub static OUTPUTS: [FactorOutput; 4] = [
     FactorOutput {
         extension: "npz",
         summary: "sparse matrix (scipy.sparse.load_npz), with names and areas (numpy.load)",
@@ -37,6 +39,11 @@ pub static OUTPUTS: [FactorOutput; 3] = [
         extension: "csv",
         summary: "table with names, areas, and what goes to the environment",
         write: |factors, path| atomic::write(path, |file| csv(factors, file)),
+    },
+    FactorOutput {
+        extension: "vf",
+        summary: "View3D's text: areas, all factors row by row, emittances",
+        write: |factors, path| atomic::write(path, |file| view3d(factors, file)),
     },
 ];
 
@@ -56,26 +63,44 @@ pub fn writer_for(path: &Path) -> Result<&'static FactorOutput, WriteError> {
 /// Writes view factors in the format that the path's extension chooses.
 ///
 /// # Errors
-/// [`WriteError`]; there is no new file then, and an old one is as it was.
-pub fn write(factors: &ViewFactors, path: &Path) -> Result<(), WriteError> {
-    Ok((writer_for(path)?.write)(factors, path)?)
+/// [`WriteError::UnknownExtension`], [`WriteError::File`] or [`WriteError::Interrupted`]; there is no new file then, and
+/// an old one is as it was.
+pub fn write(factors: &ViewFactors, path: &Path, progress: &dyn Progress) -> Result<(), WriteError> {
+    let output = writer_for(path)?;
+    progress.begin("writing", factors.len() as u64);
+    let result = (output.write)(&Source { factors, progress }, path);
+    progress.end();
+    result.map_err(|error| {
+        let inner = error.source.get_ref().and_then(|inner| inner.downcast_ref::<Interrupted>());
+        if inner.is_some() { WriteError::Interrupted(Interrupted) } else { WriteError::File(error) }
+    })
 }
 
-/// The factors of a row that are not zero, each with its column.
-fn nonzeros(factors: &ViewFactors, row: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
-    factors.row(row).enumerate().filter(|&(_, factor)| factor != 0.0)
+/// The factors, and who wants to know how far they are.
+struct Source<'a> {
+    factors: &'a ViewFactors,
+    progress: &'a dyn Progress,
 }
 
-/// Compressed sparse rows, with the keys of `scipy.sparse.save_npz`.
+impl Source<'_> {
+    /// To be asked before each row is written.
+    fn go_on(&self) -> io::Result<()> {
+        self.progress.advance(1);
+        if self.progress.interrupted() { Err(io::Error::other(Interrupted)) } else { Ok(()) }
+    }
+}
+
+/// Compressed sparse rows, with the keys of `scipy.sparse.save_npz`, and what is known of the rows.
 #[expect(clippy::cast_possible_wrap, reason = "i32 was tried, and no array has 2^63 entries")]
-fn npz(factors: &ViewFactors, file: &mut (impl Write + Seek)) -> io::Result<()> {
+fn npz(source: &Source<'_>, file: &mut (impl Write + Seek)) -> io::Result<()> {
+    let (factors, check) = (source.factors, source.factors.check());
     let n = factors.len();
     let mut starts = vec![0_usize];
-    for row in 0..n {
-        starts.push(starts[row] + nonzeros(factors, row).count());
+    for row in &check.rows {
+        starts.push(starts[starts.len() - 1] + row.nonzeros);
     }
     let mut archive = ZipWriter::new(file);
-    let columns = || (0..n).flat_map(|row| nonzeros(factors, row).map(|(column, _)| column));
+    let columns = || (0..n).flat_map(|row| factors.nonzeros(row).map(|(column, _)| column));
     // SciPy wants one integer type in both arrays, the narrower if it will do.
     if i32::try_from(starts[n]).is_ok() {
         array(&mut archive, "indices", &[starts[n]], columns().map(|column| column as i32))?;
@@ -86,10 +111,22 @@ fn npz(factors: &ViewFactors, file: &mut (impl Write + Seek)) -> io::Result<()> 
     }
     entry(&mut archive, "format", &npy::encode_bytes("csr"))?;
     array(&mut archive, "shape", &[2], [n as i64; 2].into_iter())?;
-    let values = (0..n).flat_map(|row| nonzeros(factors, row).map(|(_, factor)| factor));
+    source.go_on()?;
+    let values = (0..n).flat_map(|row| factors.nonzeros(row).map(|(_, factor)| factor));
     array(&mut archive, "data", &[starts[n]], values)?;
-    array(&mut archive, "areas", &[n], factors.surfaces.iter().map(|surface| surface.area))?;
-    let names: Vec<&str> = factors.surfaces.iter().map(|surface| surface.name.as_str()).collect();
+    let surfaces = &factors.surfaces;
+    let columns: [(&str, Vec<f64>); 6] = [
+        ("areas", surfaces.iter().map(|surface| surface.area).collect()),
+        ("emittances", surfaces.iter().map(|surface| surface.emittance).collect()),
+        ("escape", surfaces.iter().map(|surface| surface.escape).collect()),
+        ("environment", check.rows.iter().map(RowCheck::environment).collect()),
+        ("row_sum_error", check.rows.iter().map(|row| row.closure_error).collect()),
+        ("reciprocity_error", check.rows.iter().map(|row| row.reciprocity_error).collect()),
+    ];
+    for (key, values) in columns {
+        array(&mut archive, key, &[n], values.into_iter())?;
+    }
+    let names: Vec<&str> = surfaces.iter().map(|surface| surface.name.as_str()).collect();
     entry(&mut archive, "names", &npy::encode_strings(&[n], &names))?;
     archive.finish()?.flush()
 }
@@ -117,27 +154,31 @@ fn start<W: Write + Seek>(archive: &mut ZipWriter<W>, key: &str, large: bool) ->
     Ok(archive.start_file(format!("{key}.npy"), options)?)
 }
 
-fn matrix_market(factors: &ViewFactors, file: &mut impl Write) -> io::Result<()> {
+fn matrix_market(source: &Source<'_>, file: &mut impl Write) -> io::Result<()> {
+    let factors = source.factors;
     let n = factors.len();
-    let count: usize = (0..n).map(|row| nonzeros(factors, row).count()).sum();
+    let count: usize = (0..n).map(|row| factors.nonzeros(row).count()).sum();
     writeln!(file, "%%MatrixMarket matrix coordinate real general")?;
     writeln!(file, "% view factors: entry (i, j) is the fraction of what leaves i that reaches j")?;
     writeln!(file, "{n} {n} {count}")?;
     for row in 0..n {
-        for (column, factor) in nonzeros(factors, row) {
+        source.go_on()?;
+        for (column, factor) in factors.nonzeros(row) {
             writeln!(file, "{} {} {factor:?}", row + 1, column + 1)?;
         }
     }
     Ok(())
 }
 
-fn csv(factors: &ViewFactors, file: &mut impl Write) -> io::Result<()> {
+fn csv(source: &Source<'_>, file: &mut impl Write) -> io::Result<()> {
+    let factors = source.factors;
     write!(file, "from,area")?;
     for surface in &factors.surfaces {
         write!(file, ",{}", quoted(&surface.name))?;
     }
     writeln!(file, ",environment")?;
     for (row, surface) in factors.surfaces.iter().enumerate() {
+        source.go_on()?;
         write!(file, "{},{:?}", quoted(&surface.name), surface.area)?;
         let mut sum = 0.0;
         for factor in factors.row(row) {
@@ -147,4 +188,30 @@ fn csv(factors: &ViewFactors, file: &mut impl Write) -> io::Result<()> {
         writeln!(file, ",{:?}", 1.0 - sum)?;
     }
     Ok(())
+}
+
+/// What View3D writes with `out=0`: a line with its name, a version, the format (0 is text), whether the scene is closed,
+/// whether emittances are in the factors (0, they are not), and the number of surfaces; the areas; the factors, a row a
+/// line; the emittances. It has no place for the environment, which is what the rows lack.
+///
+/// Programs that read it look for the numbers and not for columns, so all digits are there.
+fn view3d(source: &Source<'_>, file: &mut impl Write) -> io::Result<()> {
+    let factors = source.factors;
+    let header = format!("View3D hatbox 0 {} 0 {}", u8::from(factors.is_closed()), factors.len());
+    // Its own reader expects the line to have this width.
+    writeln!(file, "{header:<30}")?;
+    numbers(file, factors.surfaces.iter().map(|surface| surface.area))?;
+    for row in 0..factors.len() {
+        source.go_on()?;
+        numbers(file, factors.row(row))?;
+    }
+    numbers(file, factors.surfaces.iter().map(|surface| surface.emittance))
+}
+
+/// A line of numbers.
+fn numbers(file: &mut impl Write, values: impl Iterator<Item = f64>) -> io::Result<()> {
+    for (k, value) in values.enumerate() {
+        write!(file, "{}{value:?}", if k == 0 { "" } else { " " })?;
+    }
+    writeln!(file)
 }

@@ -36,6 +36,29 @@ impl Csr {
         matrix
     }
 
+    /// Builds the matrix from the entries (column, value) of each row, columns ascending.
+    ///
+    /// # Panics
+    /// If columns do not ascend or lie outside the matrix.
+    pub fn from_rows(cols: usize, rows: impl IntoIterator<Item = Vec<(u32, f64)>>) -> Self {
+        let mut matrix = Self { cols, offsets: vec![0], indices: Vec::new(), values: Vec::new() };
+        for row in rows {
+            assert!(row.is_sorted_by(|a, b| a.0 < b.0), "columns must ascend");
+            assert!(row.last().is_none_or(|last| (last.0 as usize) < cols), "entry outside the matrix");
+            matrix.indices.extend(row.iter().map(|entry| entry.0));
+            matrix.values.extend(row.iter().map(|entry| entry.1));
+            matrix.offsets.push(matrix.values.len());
+        }
+        matrix
+    }
+
+    /// One entry; 0 where none is stored.
+    pub fn get(&self, row: usize, col: usize) -> f64 {
+        let range = self.offsets[row]..self.offsets[row + 1];
+        let place = self.indices[range.clone()].binary_search(&(col as u32));
+        place.map_or(0.0, |place| self.values[range.start + place])
+    }
+
     /// The entries (column, value) of one row, columns ascending.
     pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let range = self.offsets[row]..self.offsets[row + 1];

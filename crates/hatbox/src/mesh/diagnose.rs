@@ -41,6 +41,8 @@ pub enum FindingKind {
     BackToBack,
     /// A face is turned against its neighbours.
     Flipped,
+    /// Faces that close off everything look outwards.
+    InsideOut,
     /// Two faces go through each other.
     Intersecting,
     /// Two faces in one plane, facing the same way, share area.
@@ -57,12 +59,13 @@ pub enum FindingKind {
 
 impl FindingKind {
     /// Every kind, in the order of reporting.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::BadIndex,
         Self::NotFinite,
         Self::Degenerate,
         Self::Duplicate,
         Self::Flipped,
+        Self::InsideOut,
         Self::Intersecting,
         Self::Overlapping,
         Self::Large,
@@ -81,6 +84,7 @@ impl FindingKind {
             Self::Duplicate => "duplicate",
             Self::BackToBack => "back-to-back",
             Self::Flipped => "flipped",
+            Self::InsideOut => "inside-out",
             Self::Intersecting => "intersecting",
             Self::Overlapping => "overlapping",
             Self::Covering => "covering",
@@ -109,6 +113,9 @@ impl FindingKind {
             Self::Duplicate => "faces are there twice",
             Self::BackToBack => "pairs of faces have the same corners and face opposite ways",
             Self::Flipped => "faces are turned against their neighbours",
+            Self::InsideOut => {
+                "faces close off everything and look outwards: as a room it is inside out, and no light gets in"
+            }
             Self::Intersecting => "pairs of faces go through each other",
             Self::Overlapping => "pairs of faces lie on top of each other and face the same way",
             Self::Covering => "pairs of faces touch front to front or back to back",
@@ -127,6 +134,7 @@ impl FindingKind {
             Self::Duplicate => "remove one of each; modelling programs call it deleting duplicate faces",
             Self::BackToBack => "fine for a sheet lit from both sides; otherwise remove the one that is never seen",
             Self::Flipped => "flip them so that the lit side is the front, or make their material two-sided",
+            Self::InsideOut => "turn them all round (flip their normals); fine for a body that is lit from outside",
             Self::Intersecting => "cut them where they meet, or light is wrong where a face is partly hidden inside",
             Self::Overlapping => "remove one or lift it by a millimetre; which of the two is lit is undefined",
             Self::Covering => "fine for a box on a floor; cells that are partly covered are less accurate",
@@ -187,6 +195,16 @@ pub fn diagnose(mesh: &Mesh) -> Vec<Finding> {
 /// Like [`diagnose`], where the materials for which `two_sided` holds are lit from both sides: such faces have no wrong
 /// side and no open edges, and one on the other's back is there twice.
 pub fn diagnose_sheets(mesh: &Mesh, two_sided: impl Fn(u32) -> bool) -> Vec<Finding> {
+    examine(mesh, two_sided, false)
+}
+
+/// Like [`diagnose_sheets`], where the mesh is meant to be seen from inside: a closed surface around everything whose
+/// faces look outwards is suspicious, too. As the surface of a body it is not.
+pub fn diagnose_room(mesh: &Mesh, two_sided: impl Fn(u32) -> bool) -> Vec<Finding> {
+    examine(mesh, two_sided, true)
+}
+
+fn examine(mesh: &Mesh, two_sided: impl Fn(u32) -> bool, from_inside: bool) -> Vec<Finding> {
     let mut report = Report { mesh, places: HashMap::new() };
     let sound = report.sound_faces();
     let tolerance = sound.tolerance();
@@ -199,7 +217,10 @@ pub fn diagnose_sheets(mesh: &Mesh, two_sided: impl Fn(u32) -> bool) -> Vec<Find
     let (conforming, _) = welded.conformed(tolerance);
     let topology = Topology::new(&conforming);
     report.open_edges(&conforming, &topology, &two_sided);
-    report.flipped(&conforming, &topology, &two_sided);
+    let parts = report.flipped(&conforming, &topology, &two_sided);
+    if from_inside {
+        report.inside_out(&conforming, &topology, &two_sided, &parts);
+    }
     report.finish()
 }
 
@@ -326,10 +347,11 @@ impl Report<'_> {
         }
     }
 
-    /// In each connected part, the faces that are turned against most of its area.
-    fn flipped(&mut self, mesh: &Mesh, topology: &Topology, two_sided: &[bool]) {
+    /// In each connected part, the faces that are turned against most of its area. Returns the parts that have none.
+    fn flipped(&mut self, mesh: &Mesh, topology: &Topology, two_sided: &[bool]) -> Vec<Vec<usize>> {
         let mut turned: Vec<Option<bool>> = vec![None; mesh.cells.len()];
         let mut flipped = vec![false; self.mesh.cells.len()];
+        let mut sound = Vec::new();
         for seed in 0..mesh.cells.len() {
             if turned[seed].is_some() {
                 continue;
@@ -341,9 +363,37 @@ impl Report<'_> {
             for &cell in part.iter().filter(|&&c| turned[c] == Some(wrong)) {
                 flipped[mesh.cells[cell].surface as usize] = true;
             }
+            if part.iter().all(|&c| turned[c] != Some(wrong)) {
+                sound.push(part);
+            }
         }
         for index in (0..flipped.len()).filter(|&index| flipped[index]) {
             self.add(FindingKind::Flipped, index, None, self.mesh.patch(index).center());
+        }
+        sound
+    }
+
+    /// Closed parts that everything is inside of, and whose faces look outwards: their signed volume is positive.
+    fn inside_out(&mut self, mesh: &Mesh, topology: &Topology, two_sided: &[bool], parts: &[Vec<usize>]) {
+        let (least, greatest) = mesh.bounds();
+        let tolerance = 1e-9 * least.distance(greatest);
+        for part in parts {
+            let edges = |cell: usize| (0..mesh.cells[cell].shape.corners()).map(move |k| topology.edge(cell, k));
+            let is_closed = part.iter().all(|&cell| {
+                !two_sided[mesh.cells[cell].surface as usize] && edges(cell).all(|e| topology.sides(e).len() == 2)
+            });
+            let (lo, hi) = box_tree::bounds(part.iter().flat_map(|&cell| mesh.corners(cell).map(|c| c.position)));
+            let holds_all = lo.cmple(least + tolerance).all() && hi.cmpge(greatest - tolerance).all();
+            let volume = |&cell: &usize| {
+                let patch = mesh.patch(cell);
+                (patch.center() - least).dot(patch.normal()) * patch.area() / 3.0
+            };
+            if is_closed && holds_all && part.iter().map(volume).sum::<f64>() > 0.0 {
+                for &cell in part {
+                    let index = mesh.cells[cell].surface as usize;
+                    self.add(FindingKind::InsideOut, index, None, mesh.patch(cell).center());
+                }
+            }
         }
     }
 }

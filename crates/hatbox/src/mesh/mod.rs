@@ -17,7 +17,7 @@ mod topology;
 mod weld;
 
 pub(crate) use corner::{Builder, Corner};
-pub use diagnose::{Example, Finding, FindingKind, Severity, diagnose, diagnose_sheets};
+pub use diagnose::{Example, Finding, FindingKind, Severity, diagnose, diagnose_room, diagnose_sheets};
 pub use patch::Patch;
 pub use refine::{MAX_CELLS, RefineError, Refinement};
 pub(crate) use topology::UnionFind;

@@ -70,6 +70,24 @@ impl Mesh {
         }
         Ok(plan.carry_out(max_edge))
     }
+
+    /// About how many cells [`Mesh::refined`] makes, without making them: exactly, except that
+    /// [`Refinement::Elements`] is taken at its word.
+    ///
+    /// # Errors
+    /// Those of [`Mesh::refined`].
+    pub fn refined_count(&self, refinement: Refinement) -> Result<usize, RefineError> {
+        match refinement {
+            Refinement::None => Ok(self.cells.len()),
+            Refinement::MaxEdge(h) if h.is_nan() || h <= 0.0 => Err(RefineError::Length(h)),
+            Refinement::MaxEdge(max_edge) => {
+                let count = Plan::new(self).count(max_edge, MAX_CELLS);
+                if count > MAX_CELLS { Err(RefineError::TooMany { max_edge }) } else { Ok(count) }
+            }
+            Refinement::Elements(n) if n > MAX_CELLS => Err(RefineError::TooManyElements(n)),
+            Refinement::Elements(n) => Ok(n.max(self.cells.len())),
+        }
+    }
 }
 
 /// The number of halvings that bring a length down to `max_edge`, forgiving the last bits.

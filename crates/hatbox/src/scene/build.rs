@@ -21,6 +21,9 @@ pub enum SceneError {
     /// All faces are degenerate.
     #[error("none of the {0} faces has any area; check the scale and the transformations of the file")]
     NoArea(usize),
+    /// There is nothing that light could leave or reach.
+    #[error("all {0} faces only block light; give one of them a side that sends and receives it")]
+    OnlyBlocking(usize),
     /// A coordinate is infinite or not a number.
     #[error("vertex {vertex} of `{group}` is at {position}, which is not a place; repair it in the modelling program")]
     Position {
@@ -117,7 +120,8 @@ impl Scene {
     /// ignored, positions are in metres.
     ///
     /// Each planar face that remains after welding becomes a [`Surface`]. The cells of a surface are contiguous: first
-    /// those of its front and then, if its material is two-sided, as many of its back.
+    /// those of its front and then, if its material is two-sided, as many of its back. A surface whose material only
+    /// blocks light has none.
     ///
     /// # Errors
     /// [`SceneError`] if the mesh is empty, damaged or not finite, or a material is not physical.
@@ -143,7 +147,10 @@ impl Scene {
         }
         let (mesh, joints) = mesh.conformed(tolerance);
         let (mesh, contacts) = mesh.split_at_contacts(tolerance);
-        let mesh = with_backs(&mesh, &materials);
+        let mesh = with_sides(&mesh, &materials);
+        if mesh.cells.is_empty() {
+            return Err(SceneError::OnlyBlocking(faces));
+        }
         let warnings = [
             (degenerate, Warning::Degenerate(degenerate)),
             (split, Warning::SplitQuads(split)),
@@ -286,11 +293,16 @@ fn diagonal(corners: &[Corner; 4], tolerance: f64) -> Option<usize> {
 }
 
 /// Puts the back of each two-sided surface after its front: the corners run the other way round, from the same first.
-fn with_backs(mesh: &Mesh, materials: &[Material]) -> Mesh {
+/// Leaves out the cells of surfaces that only block light.
+fn with_sides(mesh: &Mesh, materials: &[Material]) -> Mesh {
     let mut builder = Builder::like(mesh);
     let indices: Vec<usize> = (0..mesh.cells.len()).collect();
     for surface in indices.chunk_by(|&a, &b| mesh.cells[a].surface == mesh.cells[b].surface) {
-        let back = materials[mesh.cells[surface[0]].material as usize].two_sided;
+        let material = &materials[mesh.cells[surface[0]].material as usize];
+        if material.blocks_only {
+            continue;
+        }
+        let back = material.two_sided;
         for &index in surface {
             let cell = &mesh.cells[index];
             builder.push(cell, &mesh.corners(index)[..cell.shape.corners()]);

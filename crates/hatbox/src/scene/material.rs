@@ -118,6 +118,8 @@ pub struct Material {
     pub exitance: Quantity,
     /// Whether both sides of its faces send and receive.
     pub two_sided: bool,
+    /// Whether neither side does: its faces hide what is behind them, and have no unknowns. What hits them is lost.
+    pub blocks_only: bool,
 }
 
 impl Material {
@@ -128,6 +130,7 @@ impl Material {
             reflectance: Quantity::gray(reflectance),
             exitance: Quantity::gray(0.0),
             two_sided: false,
+            blocks_only: false,
         }
     }
 }

@@ -61,3 +61,12 @@ fn a_temperature_for_all_uses_the_emissivity_of_each() {
     assert_close(rgb(&floor.exitance, 0.5, 0.5), [0.0, black, (1.0 - 188.0 / 255.0) * black], 1e-6);
     assert_eq!(floor.exitance.bands(), 3);
 }
+
+#[test]
+fn faces_without_sides_only_block() {
+    let scene = read("[[mesh]]\nfile = 'box.obj'\n[material.stove]\nsides = 'none'\n");
+    assert!(material(&scene, "stove").blocks_only && !material(&scene, "floor").blocks_only);
+    let hatbox::io::RawScene { mesh, materials, physics, .. } = scene;
+    let built = hatbox::scene::Scene::new(mesh, materials, physics, None).expect("a scene");
+    assert_eq!((built.surfaces.len(), built.mesh.cells.len()), (2, 1));
+}

@@ -234,6 +234,7 @@ impl Archive {
             reflectance,
             exitance,
             two_sided: two_sided != 0,
+            blocks_only: false,
         };
         Ok(names.into_iter().zip(two_sided).zip(quantities).map(material).collect())
     }

@@ -17,6 +17,7 @@ mod ply;
 mod polygon;
 mod scene_file;
 mod stl;
+mod vs3;
 
 pub use error::{ReadError, Snippet};
 pub use scene_file::EXAMPLE;
@@ -92,7 +93,7 @@ impl Format {
 }
 
 /// Every format that scenes are read from.
-pub static FORMATS: [Format; 5] = [
+pub static FORMATS: [Format; 6] = [
     Format {
         name: "glTF",
         extensions: &["glb", "gltf"],
@@ -120,6 +121,13 @@ pub static FORMATS: [Format; 5] = [
         summary: "geometry only: R = 0.5, unless a scene file says otherwise",
         in_metres: false,
         read: stl::read,
+    },
+    Format {
+        name: "View3D",
+        extensions: &["vs3"],
+        summary: "surfaces with R = 1 − emittance; base, combined and obstruction surfaces are honoured",
+        in_metres: false,
+        read: vs3::read,
     },
     Format {
         name: "scene file",

@@ -116,7 +116,8 @@ impl<'a> Palette<'a> {
         if matches!(json.alpha_mode, Checked::Valid(AlphaMode::Blend | AlphaMode::Mask)) {
             self.warn(&place, "it is transparent in the file, and taken as opaque");
         }
-        Ok((Material { name, reflectance, exitance, two_sided: json.double_sided }, uv_source))
+        let material = Material { name, reflectance, exitance, two_sided: json.double_sided, blocks_only: false };
+        Ok((material, uv_source))
     }
 
     /// R = base colour × texture × (1 − metallic).

@@ -77,6 +77,7 @@ impl Library {
             reflectance: quantity(reflectance, diffuse_map),
             exitance: quantity(emission.map(|radiance| PI * radiance), emission_map),
             two_sided: false,
+            blocks_only: false,
         };
         self.materials.insert(name, material);
     }

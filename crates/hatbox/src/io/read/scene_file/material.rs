@@ -2,6 +2,7 @@
 
 use super::Source;
 use super::schema::{Factor, MaterialEntry, Picture, Sides, Value};
+use super::suggestion::nearest;
 use crate::io::read::picture::{self, Coding};
 use crate::io::read::{RawScene, ReadError, files};
 use crate::scene::{Material, Physics, Quantity, STEFAN_BOLTZMANN, Texture, Wrap};
@@ -44,31 +45,12 @@ pub(super) fn apply(
 }
 
 fn unknown(source: &Source<'_>, name: &Spanned<String>, materials: &[Material]) -> ReadError {
-    let nearest = materials.iter().min_by_key(|material| distance(&material.name, name.get_ref()));
-    let guess = nearest.filter(|material| distance(&material.name, name.get_ref()) <= 1 + name.get_ref().len() / 3);
+    let guess = nearest(name.get_ref(), materials.iter().map(|material| material.name.as_str()));
     let names = || materials.iter().map(|material| format!("`{}`", material.name)).collect::<Vec<_>>().join(", ");
-    let remedy = guess.map_or_else(
-        || format!("the meshes have {}", names()),
-        |material| format!("did you mean `{}`?", material.name),
-    );
+    let remedy =
+        guess.map_or_else(|| format!("the meshes have {}", names()), |known| format!("did you mean `{known}`?"));
     let reason = format!("no mesh has a material `{}`", name.get_ref());
     source.error(name.span(), "material", reason, remedy)
-}
-
-/// The number of insertions, deletions and substitutions between two names (Levenshtein's).
-fn distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, &y) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(x != y);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }
 
 /// Where a table stands.
@@ -82,7 +64,7 @@ struct Context<'a> {
 struct Overlay {
     reflectance: Option<Quantity>,
     emission: Option<Emission>,
-    two_sided: Option<bool>,
+    sides: Option<Sides>,
 }
 
 enum Emission {
@@ -105,15 +87,16 @@ impl Overlay {
             }
             (None, None) => None,
         };
-        let two_sided = entry.sides.map(|sides| sides == Sides::Two);
-        Ok(Self { reflectance, emission: Emission::new(context, entry)?, two_sided })
+        Ok(Self { reflectance, emission: Emission::new(context, entry)?, sides: entry.sides })
     }
 
     fn lay_reflection_over(&self, material: &mut Material) {
         if let Some(reflectance) = &self.reflectance {
             material.reflectance = reflectance.clone();
         }
-        material.two_sided = self.two_sided.unwrap_or(material.two_sided);
+        if let Some(sides) = self.sides {
+            (material.two_sided, material.blocks_only) = (sides == Sides::Two, sides == Sides::None);
+        }
     }
 
     fn lay_emission_over(&self, material: &mut Material) {
@@ -251,17 +234,5 @@ fn scaled(quantity: Quantity, c: f64) -> Quantity {
         Quantity::Uniform(values) => Quantity::Uniform(scale(values)),
         Quantity::Textured { factor, texture } => Quantity::Textured { factor: scale(factor), texture },
         varying @ Quantity::Function(_) => Quantity::function(move |site, band| c * varying.at(site, band)),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::distance;
-
-    #[test]
-    fn names_are_as_far_apart_as_they_are_mistyped() {
-        for (a, b, expected) in [("white", "white", 0), ("whiet", "white", 2), ("", "red", 3), ("green", "gren", 1)] {
-            assert_eq!(distance(a, b), expected, "{a} {b}");
-        }
     }
 }

@@ -9,6 +9,7 @@
 mod assemble;
 mod material;
 mod schema;
+mod suggestion;
 
 use super::{RawScene, ReadError, files};
 use crate::io::unit;
@@ -58,7 +59,11 @@ impl Source<'_> {
     fn syntax(&self, error: &toml::de::Error) -> ReadError {
         let span = error.span().unwrap_or(0..0);
         let reason = error.message().lines().collect::<Vec<_>>().join(", ");
-        self.error(span, "", reason, "correct it as the guide's chapter on scene files shows")
+        let remedy = suggestion::meant(&reason).map_or_else(
+            || "correct it as the guide's chapter on scene files shows (book/scene-files.md)".to_owned(),
+            |known| format!("did you mean `{known}`?"),
+        );
+        self.error(span, "", reason, remedy)
     }
 
     fn metres(&self, length: &Spanned<Length>) -> Result<f64, ReadError> {

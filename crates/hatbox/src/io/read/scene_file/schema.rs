@@ -119,6 +119,7 @@ fn yes() -> bool {
 pub(super) enum Sides {
     One,
     Two,
+    None,
 }
 
 #[derive(Deserialize)]

@@ -1,0 +1,324 @@
+//! View factors: which fraction of what leaves one surface reaches another.
+//!
+//! F is the exchange operator in the basis of constants, divided by the area: `F_ij = S_ij / A_i`. For groups of
+//! elements `A_g F_gh = Σ S_ij` over their members. S is symmetric, and so reciprocity `A_i F_ij = A_j F_ji` holds to
+//! rounding.
+//!
+//! The row sums are *not* forced to anything unless [`Options::closure`] asks for it, so that their error is an honest
+//! measure of the accuracy. What a closure or a threshold changes is reported ([`ViewFactors::closure`],
+//! [`ViewFactors::threshold`]).
+
+mod check;
+mod closure;
+mod groups;
+mod matrix;
+mod memory;
+mod threshold;
+
+pub use check::{Check, Distribution, RowCheck};
+pub use closure::{CLOSURES, Closed, ClosureMethod, ClosureMethodKind};
+pub use memory::Estimate;
+pub use threshold::Thinned;
+
+use crate::assemble::{Accuracy, Panel, Sight, pair_block};
+use crate::element::{ALL, Basis};
+use crate::exchange::{self, Dense, Exchange, ExchangeError, Geometry, Statistics};
+use crate::mesh::{RefineError, Refinement};
+use crate::progress::{Interrupted, Progress};
+use crate::scene::Scene;
+use crate::space::{FunctionSpace, NoElement};
+use crate::visibility::{Bvh, Visibility};
+use groups::Grouping;
+use matrix::Matrix;
+
+/// One constant function per element, on triangles and quads alike.
+const BASIS: &Basis = &ALL[0];
+/// So many pairs are integrated a second time, the other way round.
+const REVERSED: u64 = 32;
+/// The most rays that measure what escapes when a closure needs it, unless there are very many elements.
+const MAX_ESCAPE_RAYS: f64 = 2e7;
+
+/// Between what view factors are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Between {
+    /// Every element is a surface.
+    #[default]
+    Elements,
+    /// Every named part of the mesh is one.
+    Groups,
+    /// All elements of a material are one.
+    Materials,
+}
+
+/// What a user chooses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Between what.
+    pub between: Between,
+    /// How the mesh is subdivided; by default each face is one element.
+    pub refinement: Refinement,
+    /// Relative error that the sum of a row may have.
+    pub tolerance: f64,
+    /// Seed of all sampling.
+    pub seed: u64,
+    /// How the row sums are made right; by default not at all.
+    pub closure: ClosureMethodKind,
+    /// Pairs of which neither factor reaches this are dropped, and the others made up for it; 0 drops nothing.
+    pub threshold: f64,
+    /// The most bytes that the work may take, if there is a limit.
+    pub memory: Option<u64>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            between: Between::Elements,
+            refinement: Refinement::None,
+            tolerance: 1e-2,
+            seed: 0,
+            closure: ClosureMethodKind::None,
+            threshold: 0.0,
+            memory: None,
+        }
+    }
+}
+
+/// Why there are no view factors.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// The mesh cannot be subdivided as asked.
+    #[error(transparent)]
+    Refine(#[from] RefineError),
+    /// The work would take more memory than it may.
+    #[error(
+        "view factors between {elements} elements take about {} MB, more than the {} MB there are; use fewer or larger \
+         elements",
+        bytes.div_ceil(1_000_000),
+        limit / 1_000_000
+    )]
+    Memory {
+        /// Number of elements.
+        elements: usize,
+        /// Bytes that they would take.
+        bytes: u64,
+        /// Bytes that they may take.
+        limit: u64,
+    },
+    /// The basis has no element for a cell.
+    #[error(transparent)]
+    NoElement(#[from] NoElement),
+    /// The exchange areas were not computed.
+    #[error(transparent)]
+    Exchange(#[from] ExchangeError),
+    /// The threshold is no fraction.
+    #[error("a threshold of {0} is not between 0 and 1")]
+    Threshold(f64),
+}
+
+impl From<Interrupted> for Error {
+    fn from(interrupted: Interrupted) -> Self {
+        Self::Exchange(interrupted.into())
+    }
+}
+
+/// An element or a group of elements.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Surface {
+    /// The name of its part or material; where a part has several elements, with its number among them.
+    pub name: String,
+    /// Its area in m².
+    pub area: f64,
+    /// ε = 1 − R, the mean over its area and the bands.
+    pub emittance: f64,
+    /// The measured fraction of its light that leaves the scene or ends on a side that receives none; 0 in a closed
+    /// scene.
+    pub escape: f64,
+}
+
+/// The view factors of a scene.
+#[derive(Debug)]
+pub struct ViewFactors {
+    /// The surfaces, in the order of rows and columns.
+    pub surfaces: Vec<Surface>,
+    /// Number of elements they consist of.
+    pub elements: usize,
+    /// Fraction of rays that leave the scene or end on a back, by area; 0 in a closed scene.
+    pub escape: f64,
+    /// What the exchange areas cost and how far they may be wrong.
+    pub statistics: Statistics,
+    /// The greatest difference between an exchange area and the same integral with the roles of its two elements
+    /// exchanged, over a sample of pairs; relative to the greater of A_i F_ij and A_i A_j / A, which is what the tolerance
+    /// refers to. It is an error of the integrals: the matrix itself is symmetric.
+    pub reversed_error: f64,
+    /// What the closure did, if there was one.
+    pub closure: Option<Closed>,
+    /// What the threshold did, if there was one.
+    pub threshold: Option<Thinned>,
+    matrix: Matrix,
+}
+
+impl ViewFactors {
+    /// Computes the view factors of a scene.
+    ///
+    /// # Errors
+    /// [`Error`]; too large a scene is refused before any work.
+    pub fn new(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Self, Error> {
+        if !(0.0..=1.0).contains(&options.threshold) {
+            return Err(Error::Threshold(options.threshold));
+        }
+        Estimate::of(scene, options)?.check(options.memory)?;
+        let scene = scene.refined(options.refinement, BASIS)?;
+        Estimate::new(scene.mesh.cells.len()).check(options.memory)?;
+        let space = FunctionSpace::broken(&scene.mesh, BASIS)?;
+        let panels = Panel::of(&scene.mesh, &space);
+        let blockers = Bvh::of_surfaces(&scene.surfaces);
+        let geometry = Geometry { panels: &panels, surfaces: &scene.surfaces, blockers: &blockers };
+        let escapes = escapes(&geometry, &scene, options, progress)?;
+        let params = exchange::Params { seed: options.seed, ..exchange::Params::new(options.tolerance) };
+        let dense = Dense::new(&geometry, &params, progress)?;
+        let source = Source { geometry, accuracy: accuracy(&panels, &params) };
+        let (statistics, reversed_error) = (dense.statistics(), source.reversed_error(&dense));
+        let grouping = Grouping::new(&scene, options.between);
+        let mut found = Self {
+            surfaces: grouping.surfaces(&scene, &escapes),
+            elements: panels.len(),
+            escape: mean(&panels, &escapes),
+            statistics,
+            reversed_error,
+            closure: None,
+            threshold: None,
+            matrix: grouping.matrix(dense),
+        };
+        found.adjust(options, &source, &grouping, progress)?;
+        Ok(found)
+    }
+
+    /// Carries out the closure and the threshold.
+    fn adjust(
+        &mut self,
+        options: &Options,
+        source: &Source<'_>,
+        grouping: &Grouping,
+        progress: &dyn Progress,
+    ) -> Result<(), Interrupted> {
+        // Where every pair is proven clear, there is nothing to keep below the unobstructed factors.
+        let clear = self.statistics.clear_pairs == self.statistics.pairs;
+        let bound = |i, j| grouping.unobstructed(source, i, j);
+        let limits = (!clear).then_some(closure::Limits { bound: &bound, integrated: None });
+        if options.closure != ClosureMethodKind::None {
+            let targets: Vec<f64> = self.surfaces.iter().map(|surface| surface.area * (1.0 - surface.escape)).collect();
+            let closed = closure::close(&mut self.matrix, &self.surfaces, &targets, options.closure, limits, progress)?;
+            self.closure = Some(closed);
+        }
+        if options.threshold > 0.0 {
+            let method = match options.closure {
+                ClosureMethodKind::None => ClosureMethodKind::Scaling,
+                method => method,
+            };
+            let thinned =
+                threshold::thin(&mut self.matrix, &self.surfaces, options.threshold, method, limits, progress)?;
+            self.threshold = Some(thinned);
+        }
+        Ok(())
+    }
+
+    /// Number of surfaces.
+    pub fn len(&self) -> usize {
+        self.surfaces.len()
+    }
+
+    /// Whether there are no surfaces.
+    pub fn is_empty(&self) -> bool {
+        self.surfaces.is_empty()
+    }
+
+    /// `F_ij`, the fraction of what leaves surface i that reaches surface j.
+    pub fn get(&self, i: usize, j: usize) -> f64 {
+        self.matrix.get(i, j) / self.surfaces[i].area
+    }
+
+    /// `F_ij` for all j.
+    pub fn row(&self, i: usize) -> impl Iterator<Item = f64> + '_ {
+        let mut row = vec![0.0; self.len()];
+        self.matrix.fill_row(i, &mut row);
+        row.into_iter().map(move |exchanged| exchanged / self.surfaces[i].area)
+    }
+
+    /// `F_ij` and j for all j where it is not zero, in order.
+    pub fn nonzeros(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.matrix.entries(i).into_iter().map(move |(j, exchanged)| (j as usize, exchanged / self.surfaces[i].area))
+    }
+
+    /// Whether no ray leaves the scene.
+    pub fn is_closed(&self) -> bool {
+        self.escape == 0.0
+    }
+
+    /// Bytes that the factors take in memory.
+    pub fn bytes(&self) -> usize {
+        self.matrix.bytes()
+    }
+}
+
+/// How exactly the pairs were integrated.
+fn accuracy(panels: &[Panel], params: &exchange::Params) -> Accuracy {
+    let total_area = panels.iter().map(Panel::area).sum();
+    Accuracy { tolerance: params.tolerance, total_area, max_rays: params.max_rays, seed: params.seed }
+}
+
+/// What escapes from each element. A closure that aims at it needs it more accurately: low-discrepancy rays have an error
+/// of about n^(-3/4), which is to be below the tolerance.
+fn escapes(
+    geometry: &Geometry<'_>,
+    scene: &Scene,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Vec<f64>, Interrupted> {
+    let first = exchange::escapes(geometry, scene, 0, options.seed, progress)?;
+    if options.closure == ClosureMethodKind::None || first.iter().all(|&escape| escape == 0.0) {
+        return Ok(first);
+    }
+    let most = MAX_ESCAPE_RAYS / geometry.panels.len().max(1) as f64;
+    let rays = options.tolerance.powf(-4.0 / 3.0).min(most) as u32;
+    exchange::escapes(geometry, scene, rays, options.seed, progress)
+}
+
+/// The mean over the area.
+fn mean(panels: &[Panel], fractions: &[f64]) -> f64 {
+    let area: f64 = panels.iter().map(Panel::area).sum();
+    let sum: f64 = panels.iter().zip(fractions).map(|(panel, fraction)| panel.area() * fraction).sum();
+    if area > 0.0 { sum / area } else { 0.0 }
+}
+
+/// Where single pairs can be integrated again.
+struct Source<'a> {
+    geometry: Geometry<'a>,
+    accuracy: Accuracy,
+}
+
+impl Source<'_> {
+    /// `A_i F_ij` if nothing stood between two elements.
+    fn unobstructed(&self, i: usize, j: usize) -> f64 {
+        // In the order of the operator, so that a pair that is clear gives the same number.
+        let (a, b) = (&self.geometry.panels[i.min(j)], &self.geometry.panels[i.max(j)]);
+        pair_block(a, b, Sight::Clear, [1.0; 2], &self.accuracy).sum()
+    }
+
+    /// See [`ViewFactors::reversed_error`].
+    fn reversed_error(&self, dense: &Dense) -> f64 {
+        let Geometry { panels, blockers, .. } = self.geometry;
+        let n = panels.len() as u64;
+        let pick = |k| crate::quadrature::sequence::hash(self.accuracy.seed ^ 0x7265_7665, k) % n.max(1);
+        let pairs = (0..4 * REVERSED).map(|k| (pick(2 * k) as usize, pick(2 * k + 1) as usize));
+        let seen = pairs.filter(|&(i, j)| dense.exchange_area(i, j) != 0.0).take(REVERSED as usize);
+        let error = |(i, j): (usize, usize)| {
+            let (a, b) = (&panels[i.max(j)], &panels[i.min(j)]);
+            let skip = [a.surface, b.surface];
+            let hides = |x, y| blockers.occluded(x, y, skip);
+            let reversed = pair_block(a, b, Sight::Partial(&hides), [1.0; 2], &self.accuracy).sum();
+            let known = dense.exchange_area(i, j);
+            (known - reversed).abs() / known.max(a.area() * b.area() / self.accuracy.total_area)
+        };
+        check::greatest(seen.map(error))
+    }
+}
