@@ -23,22 +23,25 @@
 #![cfg_attr(target_arch = "x86_64", expect(unsafe_code, reason = "AVX2 intrinsics, behind detection at run time"))]
 #![expect(clippy::inline_always, reason = "kernels must be inlined into functions compiled for their instruction set")]
 
-#[cfg(target_arch = "x86_64")]
-mod avx2;
 mod build;
 mod bvh;
+mod exact;
+mod lanes;
+mod leaf;
 mod nearest;
+mod node;
+mod packet;
 mod shaft;
-mod simd;
-mod triangle;
+#[cfg(target_arch = "x86_64")]
+mod x86;
 
-pub use bvh::{Bvh, Hit};
+pub use bvh::{Bvh, Hit, InstructionSet};
+pub use exact::GUARD;
 pub use nearest::Nearest;
 pub use shaft::{Shaft, ShaftResult};
-pub use triangle::GUARD;
 
+use exact::{Ray, Triangle};
 use glam::DVec3;
-use triangle::{Block, Ray};
 
 /// Says whether something opaque lies between two points.
 pub trait Visibility: Sync {
@@ -47,7 +50,29 @@ pub trait Visibility: Sync {
     /// `skip` are the surfaces that the ends lie on, which never block their own elements. Surfaces block from both
     /// sides. A segment of zero length or with coordinates that are not finite is not occluded.
     fn occluded(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> bool;
+
+    /// [`Visibility::occluded`] for up to [`PACKET`] segments between the same two surfaces: bit k is set if the segment
+    /// from `from[k]` to `to[k]` is occluded.
+    ///
+    /// # Panics
+    /// If there are more segments than that, or not as many ends as beginnings.
+    fn occluded_packet(&self, from: &[DVec3], to: &[DVec3], skip: [u32; 2]) -> u32 {
+        check_packet(from, to);
+        one_by_one(self, from, to, skip)
+    }
 }
+
+fn check_packet(from: &[DVec3], to: &[DVec3]) {
+    assert!(from.len() == to.len() && from.len() <= PACKET, "at most {PACKET} segments, each with two ends");
+}
+
+fn one_by_one<V: Visibility + ?Sized>(visibility: &V, from: &[DVec3], to: &[DVec3], skip: [u32; 2]) -> u32 {
+    let blocked = |(k, (&from, &to)): (usize, (&DVec3, &DVec3))| u32::from(visibility.occluded(from, to, skip)) << k;
+    from.iter().zip(to).enumerate().map(blocked).sum()
+}
+
+/// Segments of [`Visibility::occluded_packet`].
+pub const PACKET: usize = 16;
 
 /// Nothing is in the way: convex rooms, and tests of everything else.
 #[derive(Debug, Clone, Copy, Default)]
@@ -62,7 +87,7 @@ impl Visibility for Unoccluded {
 /// Tests every triangle: the reference that [`Bvh`] must agree with.
 #[derive(Debug, Clone)]
 pub struct BruteForce {
-    blocks: Vec<Block<1>>,
+    triangles: Vec<Triangle>,
 }
 
 impl BruteForce {
@@ -72,21 +97,20 @@ impl BruteForce {
     /// If the lengths differ.
     pub fn new(triangles: &[[DVec3; 3]], ids: &[u32]) -> Self {
         assert_eq!(triangles.len(), ids.len(), "one id per triangle");
-        let block = |(index, (triangle, &id)): (usize, (&[DVec3; 3], &u32))| {
-            let mut block = Block::EMPTY;
-            block.set(0, triangle, index as u32, id);
-            block
-        };
-        Self { blocks: triangles.iter().zip(ids).enumerate().map(block).collect() }
+        let triangle =
+            |(index, (&corners, &id)): (usize, (&[DVec3; 3], &u32))| Triangle { corners, index: index as u32, id };
+        Self { triangles: triangles.iter().zip(ids).enumerate().map(triangle).collect() }
     }
 }
 
 impl Visibility for BruteForce {
     fn occluded(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> bool {
         let Some(ray) = Ray::segment(from, to) else { return false };
-        self.blocks.iter().any(|block| ray.blocked_by(&ray.cross(block), block, skip))
+        self.triangles.iter().any(|triangle| ray.blocked_by(triangle, skip))
     }
 }
 
+#[cfg(test)]
+mod fuzz;
 #[cfg(test)]
 mod tests;
