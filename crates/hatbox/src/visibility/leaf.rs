@@ -2,7 +2,7 @@
 //!
 //! A leaf holds its corners in f32, half the memory of f64. The same watertight test in f32 with bounds of its error
 //! sorts triangles into those surely missed, those surely crossed between the ends, and the doubtful rest, which alone
-//! is decided by [`super::exact`]: about one ray in a hundred needs it for an any-hit query.
+//! is decided by [`super::exact`].
 //!
 //! The bounds, in normalised coordinates, with u = 2⁻²⁴, the ray within M of the center and shears up to s: a sheared
 //! coordinate errs by at most E = 24 u M (s ≤ 1) or 64 u M (s ≤ 3), roundings of the input included. If the ray does
@@ -11,7 +11,7 @@
 //! crossing, all must be beyond 4 B on one side, with the first corner within (1.5 + s) e: then they err by less than
 //! 3 B, and their sum by less than three quarters. Depth is a mean of the corners' depths with those weights.
 
-use super::build::LEAF;
+use super::build::{LEAF, WIDTH};
 use super::exact::Triangle;
 use super::lanes::{Lanes, RAYS, Vector};
 use super::node::{Frame, Local};
@@ -136,7 +136,6 @@ impl<V> Sheared<V> {
 
     /// The second half, where lines cross or nearly.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "the registers of the first half")]
     fn judge_depth<const N: usize>(
         &self,
         end: V,
@@ -232,9 +231,28 @@ pub(super) struct Probes {
     shear: [[f32; RAYS]; 2],
     end: [f32; RAYS],
     errors: Errors,
+    /// The parameter, from 0 to 1, at a plane across an axis is plane · scale − shift, less or more by pad.
+    scales: [[f32; RAYS]; 3],
+    shifts: [[f32; RAYS]; 3],
+    pads: [[f32; RAYS]; 3],
 }
 
 impl Probes {
+    /// The rays that may meet a box, as bits.
+    #[inline(always)]
+    pub(super) fn slabs<L: Lanes>(&self, lanes: L, rows: &[[f32; WIDTH]; 6], child: usize) -> u32 {
+        let (mut enter, mut leave) = (lanes.rays_splat(0.0), lanes.rays_splat(1.000_002));
+        for axis in 0..3 {
+            let (scale, shift, pad) =
+                (lanes.rays(&self.scales[axis]), lanes.rays(&self.shifts[axis]), lanes.rays(&self.pads[axis]));
+            let lo = lanes.rays_splat(rows[axis][child]).mul_sub(scale, shift);
+            let hi = lanes.rays_splat(rows[axis + 3][child]).mul_sub(scale, shift);
+            enter = lo.min(hi).sub(pad).max(enter);
+            leave = lo.max(hi).add(pad).min(leave);
+        }
+        enter.at_most(leave)
+    }
+
     /// From origins and directions in normalised coordinates, by axis; `None` if the directions differ too much for a
     /// common axis.
     #[inline(always)]
@@ -247,7 +265,17 @@ impl Probes {
         let [x, y, z] = directions;
         let axes = super::exact::axes(DVec3::new(x.iter().sum(), y.iter().sum(), z.iter().sum()));
         let errors = Errors::new(reach, guard, SHEAR);
-        let mut probes = Self { axes, start: [[0.0; RAYS]; 3], shear: [[0.0; RAYS]; 2], end: [0.0; RAYS], errors };
+        let mut probes = Self {
+            axes,
+            start: [[0.0; RAYS]; 3],
+            shear: [[0.0; RAYS]; 2],
+            end: [0.0; RAYS],
+            errors,
+            scales: [[0.0; RAYS]; 3],
+            shifts: [[0.0; RAYS]; 3],
+            pads: [[0.0; RAYS]; 3],
+        };
+        probes.set_slabs(origins, directions, (32.0 * UNIT * reach) as f32);
         for row in 0..3 {
             for k in 0..RAYS {
                 probes.start[row][k] = origins[axes[row]][k] as f32;
@@ -257,16 +285,30 @@ impl Probes {
         for k in 0..RAYS {
             probes.end[k] = last[k] as f32;
         }
-        let mut steep = false;
+        let mut gentle = true;
         for row in 0..2 {
             for k in 0..RAYS {
                 let shear = directions[axes[row]][k] as f32 / probes.end[k];
                 probes.shear[row][k] = shear;
-                // Written so that NaN is steep.
-                steep |= !(shear.abs() <= SHEAR as f32);
+                // NaN is not.
+                gentle &= shear.abs() <= SHEAR as f32;
             }
         }
-        (!steep).then_some(probes)
+        gentle.then_some(probes)
+    }
+
+    /// What [`Self::slabs`] needs. The pad is twice what the slab test of a single ray allows.
+    #[inline(always)]
+    fn set_slabs(&mut self, origins: &[[f64; RAYS]; 3], directions: &[[f64; RAYS]; 3], pad: f32) {
+        for axis in 0..3 {
+            for k in 0..RAYS {
+                let d = directions[axis][k] as f32;
+                let scale = 1.0 / (if d.abs() > 1e-18 { d } else { 1e-18 });
+                self.scales[axis][k] = scale;
+                self.shifts[axis][k] = origins[axis][k] as f32 * scale;
+                self.pads[axis][k] = pad * scale.abs();
+            }
+        }
     }
 
     /// A bit for each ray.

@@ -56,8 +56,9 @@ impl Packet {
                 (first[side][axis], second[side][axis]) = (a[side], b[side]);
             }
         }
-        // Not for numbers that are not finite, either.
-        if !(reach < FAR) {
+        // NaN is not near.
+        let near = reach < FAR;
+        if !near {
             return None;
         }
         let guard = guard * (GUARD * f64::EPSILON) * bvh.frame.scale;
@@ -115,8 +116,12 @@ impl Bvh {
             let node = &self.nodes[stack[pending] as usize];
             let (mut mask, _) = node.slabs(lanes, &packet.slabs);
             while mask != 0 {
-                let child = node.child[mask.trailing_zeros() as usize];
+                let lane = mask.trailing_zeros() as usize;
+                let child = node.child[lane];
                 mask &= mask - 1;
+                if child & LEAF_BIT != 0 && packet.probes.slabs(lanes, &node.rows, lane) & left == 0 {
+                    continue;
+                }
                 if child & LEAF_BIT == 0 {
                     lanes.prefetch(&self.nodes[child as usize]);
                     stack[pending] = child;
