@@ -244,6 +244,8 @@ fn ring(path: &str, name: &'static str, triangles: &Triangles) -> Result<Ring, B
     Ok(Ring { name, tree, scenes, segments, pairs })
 }
 
+type Make = fn() -> Triangles;
+
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let path = arguments.next().ok_or("usage: embree-bench LIBEMBREE [--quick] [SCENE…]")?;
@@ -251,7 +253,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let quick = flags.iter().any(|flag| flag == "--quick");
     println!("                               M rays/s  robust         default          share of hits");
     println!("scene        kind      threads     ours   Embree  ratio   Embree  ratio   ours  Embree");
-    type Make = fn() -> Triangles;
     let all: [(&'static str, Make); 5] = [
         ("box", scenes::cornell),
         ("spheres", || scenes::spheres(10)),

@@ -87,8 +87,10 @@ fn fuzz(seed: u64, rounds: usize) {
         for round in 0..rounds {
             let mut ends = bundle(&local, &mut numbers, place);
             if round % 3 == 0 {
-                ends.iter_mut().for_each(|ends| *ends = segment(&local, &mut numbers).into());
-                ends.iter_mut().flatten().for_each(|p| *p = place(*p));
+                for ends in &mut ends {
+                    let (from, to) = segment(&local, &mut numbers);
+                    *ends = [place(from), place(to)];
+                }
             }
             let skip = [numbers.below(2 * count) as u32, u32::MAX];
             counts[0] += compare(&triangles, &trees, &ends, skip);
