@@ -5,18 +5,17 @@ use crate::element::Shape;
 use crate::mesh::RefineError;
 use crate::scene::Scene;
 
-/// Bytes per pair of elements while they are integrated: the exchange area, and the notes on its errors.
-const BYTES_PER_PAIR: u64 = 8 + 12;
+/// Bytes per pair of elements: the exchange area.
+const BYTES_PER_PAIR: u64 = 8;
 /// Bytes per element: the cell and its quadrature nodes.
-const BYTES_PER_ELEMENT: u64 = 3000;
+const BYTES_PER_ELEMENT: u64 = 6000;
 
 /// What a computation will take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Estimate {
     /// Number of elements.
     pub elements: usize,
-    /// The most bytes held at a time: about N²/2 × 20, since every pair is stored once, with notes on its error until all
-    /// are done.
+    /// The most bytes held at a time: about N²/2 × 8, since every pair is stored once.
     pub bytes: u64,
 }
 

@@ -1,153 +1,342 @@
 //! Builds the tree: binned surface-area heuristic, eight children at a time.
 //!
-//! Children are split on until there are eight, the one that costs most first, so no binary tree is ever made. Subtrees
-//! are built in parallel and are the same for any number of threads, since each depends on its own triangles only.
+//! Children are split on until there are eight, the one of the greatest surface first, so no binary tree is ever made.
+//! Each split reads its items twice: once for the bins, once to divide them, and then the boxes of both halves are
+//! known. Subtrees are built and written in parallel and are the same for any number of threads, since each depends on
+//! its own triangles only.
 
+use super::exact::Triangle;
+use super::leaf::Leaf;
+use super::node::{Frame, LEAF_BIT, Node};
+use glam::DVec3;
 use rayon::prelude::*;
 
-/// Triangles per leaf: one block of the triangle test.
+/// Triangles per leaf.
 pub(super) const LEAF: usize = 4;
 /// Children per node.
 pub(super) const WIDTH: usize = 8;
 /// Levels of nodes; with [`WIDTH`] it bounds the traversal stack.
 pub(super) const DEPTH: usize = 18;
-/// Bins per axis.
-const BINS: usize = 16;
+/// Bins per axis, of many items and of few.
+const BINS: [usize; 2] = [16, 8];
+/// So many are few.
+const FEW: usize = 24;
 /// Fewer triangles than this are not worth another thread.
 const PARALLEL: usize = 4096;
 
-/// A box in normalised coordinates.
+/// A box in normalised coordinates; the fourth number fills the register.
 #[derive(Debug, Clone, Copy)]
+#[repr(C, align(16))]
 pub(super) struct Bounds {
-    pub(super) lo: [f32; 3],
-    pub(super) hi: [f32; 3],
+    pub(super) lo: [f32; 4],
+    pub(super) hi: [f32; 4],
 }
 
 impl Bounds {
-    pub(super) const EMPTY: Self = Self { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
+    pub(super) const EMPTY: Self = Self { lo: [f32::INFINITY; 4], hi: [f32::NEG_INFINITY; 4] };
 
+    #[inline(always)]
     fn join(&mut self, other: &Self) {
-        for k in 0..3 {
-            self.lo[k] = self.lo[k].min(other.lo[k]);
-            self.hi[k] = self.hi[k].max(other.hi[k]);
-        }
+        self.lo = least(self.lo, other.lo);
+        self.hi = greatest(self.hi, other.hi);
+    }
+
+    #[inline(always)]
+    fn add(&mut self, point: [f32; 4]) {
+        self.lo = least(self.lo, point);
+        self.hi = greatest(self.hi, point);
     }
 
     /// Half the surface.
+    #[inline(always)]
     fn area(&self) -> f32 {
-        let [x, y, z] = [0, 1, 2].map(|k| (self.hi[k] - self.lo[k]).max(0.0));
-        x * y + y * z + z * x
-    }
-
-    fn around(items: &[Item]) -> Self {
-        let mut bounds = Self::EMPTY;
-        for item in items {
-            bounds.join(&item.bounds);
-        }
-        bounds
+        let [x, y, z] = [0, 1, 2].map(|k| self.hi[k] - self.lo[k]);
+        // An empty box is inside out.
+        if x < 0.0 { 0.0 } else { x * y + y * z + z * x }
     }
 }
 
-/// A triangle to be put into the tree.
+#[inline(always)]
+fn least(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
+    let mut out = a;
+    for k in 0..4 {
+        out[k] = if b[k] < a[k] { b[k] } else { a[k] };
+    }
+    out
+}
+
+#[inline(always)]
+fn greatest(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
+    let mut out = a;
+    for k in 0..4 {
+        out[k] = if b[k] > a[k] { b[k] } else { a[k] };
+    }
+    out
+}
+
+/// A triangle to be put into the tree: its box, whose fourth numbers are the bits of its index and one (so that no
+/// arithmetic with the register meets a denormal number).
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Item {
-    pub(super) bounds: Bounds,
-    pub(super) index: u32,
-}
+pub(super) struct Item(Bounds);
 
 impl Item {
-    /// Twice the center of its box.
-    fn center(&self, axis: usize) -> f32 {
-        self.bounds.lo[axis] + self.bounds.hi[axis]
+    pub(super) fn new(mut bounds: Bounds, index: u32) -> Self {
+        bounds.lo[3] = f32::from_bits(index);
+        bounds.hi[3] = 1.0;
+        Self(bounds)
     }
+
+    pub(super) fn index(&self) -> u32 {
+        self.0.lo[3].to_bits()
+    }
+
+    /// Twice the center of its box.
+    #[inline(always)]
+    fn center(&self) -> [f32; 4] {
+        let mut sum = self.0.lo;
+        for k in 0..4 {
+            sum[k] += self.0.hi[k];
+        }
+        sum
+    }
+}
+
+/// Some items and the boxes around them and around their centers.
+struct Part<'a> {
+    items: &'a mut [Item],
+    bounds: Bounds,
+    centers: Bounds,
+}
+
+impl<'a> Part<'a> {
+    fn new(items: &'a mut [Item]) -> Self {
+        let (bounds, centers) = around(items);
+        Self { items, bounds, centers }
+    }
+}
+
+/// The boxes around items and around their centers.
+fn around(items: &[Item]) -> (Bounds, Bounds) {
+    let one = |items: &[Item]| {
+        let (mut bounds, mut centers) = (Bounds::EMPTY, Bounds::EMPTY);
+        for item in items {
+            bounds.join(&item.0);
+            centers.add(item.center());
+        }
+        (bounds, centers)
+    };
+    let both = |mut a: (Bounds, Bounds), b: (Bounds, Bounds)| {
+        a.0.join(&b.0);
+        a.1.join(&b.1);
+        a
+    };
+    items.par_chunks(1 << 14).map(one).reduce(|| (Bounds::EMPTY, Bounds::EMPTY), both)
 }
 
 /// A child of a node.
 pub(super) enum Child {
-    /// Indices of at most [`LEAF`] triangles.
-    Leaf(Bounds, Vec<u32>),
+    /// Where its items begin, and their number, at most [`LEAF`].
+    Leaf(Bounds, u32, u32),
     /// A node.
-    Node(Bounds, Vec<Child>),
+    Node(Bounds, Subtree),
 }
 
-/// The children of the root.
-pub(super) fn build(items: &mut [Item]) -> Vec<Child> {
-    node(items, 0)
+/// A node and what is below it.
+pub(super) struct Subtree {
+    children: Vec<Child>,
+    /// Nodes and leaves, itself included.
+    pub(super) nodes: usize,
+    pub(super) leaves: usize,
+    items: usize,
 }
 
-fn node(items: &mut [Item], depth: usize) -> Vec<Child> {
+/// The root. The items are put in the order of the leaves.
+pub(super) fn build(items: &mut [Item]) -> Subtree {
+    node(Part::new(items), 0, 0)
+}
+
+fn node(part: Part<'_>, first: usize, depth: usize) -> Subtree {
     // Halving reaches leaves in log₈ n levels. Where the heuristic has used up the slack, halve.
-    let needed = items.len().div_ceil(LEAF).max(1).ilog2() as usize / 3 + 2;
+    let total = part.items.len();
+    let needed = total.div_ceil(LEAF).max(1).ilog2() as usize / 3 + 2;
     let halve = depth + needed >= DEPTH;
-    let parallel = items.len() >= PARALLEL;
-    let mut parts = vec![(Bounds::around(items), items)];
+    let mut parts = Vec::with_capacity(WIDTH);
+    parts.push((first, part));
     while parts.len() < WIDTH {
-        let cost = |part: &(Bounds, &mut [Item])| if halve { part.1.len() as f32 } else { part.0.area() };
-        let splittable = (0..parts.len()).filter(|&k| parts[k].1.len() > LEAF);
-        let Some(widest) = splittable.max_by(|&a, &b| cost(&parts[a]).total_cmp(&cost(&parts[b]))) else { break };
-        let (_, items) = parts.swap_remove(widest);
-        let middle = if halve { items.len() / 2 } else { split(items) };
-        let (left, right) = items.split_at_mut(middle);
-        parts.extend([left, right].map(|side| (Bounds::around(side), side)));
+        let cost = |part: &Part<'_>| if halve { part.items.len() as f32 } else { part.bounds.area() };
+        let splittable = (0..parts.len()).filter(|&k| parts[k].1.items.len() > LEAF);
+        let widest = splittable.max_by(|&a, &b| cost(&parts[a].1).total_cmp(&cost(&parts[b].1)));
+        let Some(widest) = widest else { break };
+        let (first, part) = parts.swap_remove(widest);
+        let [left, right] = divide(part, halve);
+        let middle = first + left.items.len();
+        parts.extend([(first, left), (middle, right)]);
     }
-    let finish = |(bounds, items): (Bounds, &mut [Item])| {
-        if items.len() <= LEAF {
-            Child::Leaf(bounds, items.iter().map(|item| item.index).collect())
+    // The narrowest last, where an any-hit query takes it first: by measurement, the other way round costs an eighth.
+    parts.sort_by(|(_, a), (_, b)| b.bounds.area().total_cmp(&a.bounds.area()));
+    let finish = |(first, part): (usize, Part<'_>)| {
+        let bounds = part.bounds;
+        if part.items.len() <= LEAF {
+            Child::Leaf(bounds, first as u32, part.items.len() as u32)
         } else {
-            Child::Node(bounds, node(items, depth + 1))
+            Child::Node(bounds, node(part, first, depth + 1))
         }
     };
-    if parallel { parts.into_par_iter().map(finish).collect() } else { parts.into_iter().map(finish).collect() }
+    let children: Vec<Child> = if total >= PARALLEL {
+        parts.into_par_iter().map(finish).collect()
+    } else {
+        parts.into_iter().map(finish).collect()
+    };
+    Subtree::new(children, total)
 }
 
-/// Reorders the items and returns where the best of the binned splits divides them; the middle if there is none.
-fn split(items: &mut [Item]) -> usize {
-    let mut range = Bounds::EMPTY;
-    for item in &*items {
-        for axis in 0..3 {
-            range.lo[axis] = range.lo[axis].min(item.center(axis));
-            range.hi[axis] = range.hi[axis].max(item.center(axis));
+impl Subtree {
+    fn new(children: Vec<Child>, items: usize) -> Self {
+        let (mut nodes, mut leaves) = (1, 0);
+        for child in &children {
+            match child {
+                Child::Leaf(..) => leaves += 1,
+                Child::Node(_, below) => {
+                    nodes += below.nodes;
+                    leaves += below.leaves;
+                }
+            }
         }
+        Self { children, nodes, leaves, items }
     }
-    let scale = [0, 1, 2].map(|axis| BINS as f32 / (range.hi[axis] - range.lo[axis]));
-    let bin = |item: &Item, axis: usize| (((item.center(axis) - range.lo[axis]) * scale[axis]) as usize).min(BINS - 1);
-    let mut bins = [[(Bounds::EMPTY, 0_usize); BINS]; 3];
-    for item in &*items {
-        for (axis, bins) in bins.iter_mut().enumerate() {
-            let (bounds, count) = &mut bins[bin(item, axis)];
-            bounds.join(&item.bounds);
+
+    /// Writes the nodes and leaves in depth-first order; `at` is where the slices begin in the tree. `triangles` are all.
+    pub(super) fn write(
+        &self,
+        at: [usize; 2],
+        nodes: &mut [Node],
+        leaves: &mut [Leaf],
+        all: &[Triangle],
+        frame: Frame,
+    ) {
+        let (own, mut nodes) = nodes.split_at_mut(1);
+        let mut leaves = leaves;
+        let mut at = [at[0] + 1, at[1]];
+        let mut below = Vec::new();
+        for (lane, child) in self.children.iter().enumerate() {
+            let here;
+            match child {
+                Child::Leaf(bounds, first, count) => {
+                    (here, leaves) = leaves.split_at_mut(1);
+                    here[0].fill(&all[*first as usize..(*first + *count) as usize], *first, frame);
+                    own[0].set(lane, bounds, LEAF_BIT | at[1] as u32);
+                    at[1] += 1;
+                }
+                Child::Node(bounds, subtree) => {
+                    let (its_nodes, its_leaves);
+                    (its_nodes, nodes) = nodes.split_at_mut(subtree.nodes);
+                    (its_leaves, leaves) = leaves.split_at_mut(subtree.leaves);
+                    own[0].set(lane, bounds, at[0] as u32);
+                    below.push((subtree, at, its_nodes, its_leaves));
+                    at = [at[0] + subtree.nodes, at[1] + subtree.leaves];
+                }
+            }
+        }
+        let go = |(subtree, at, nodes, leaves): (&Self, [usize; 2], &mut [Node], &mut [Leaf])| {
+            subtree.write(at, nodes, leaves, all, frame);
+        };
+        if self.items >= PARALLEL { below.into_par_iter().for_each(go) } else { below.into_iter().for_each(go) }
+    }
+}
+
+/// Divides items where the surface-area heuristic says, or in the middle.
+fn divide(part: Part<'_>, halve: bool) -> [Part<'_>; 2] {
+    let plan = match part.items.len() {
+        _ if halve => None,
+        count if count <= FEW => plan::<{ BINS[1] }>(&part),
+        _ => plan::<{ BINS[0] }>(&part),
+    };
+    let items = part.items;
+    let Some(plan) = plan else {
+        let (left, right) = items.split_at_mut(items.len() / 2);
+        return [Part::new(left), Part::new(right)];
+    };
+    partition(items, |center| plan.bin(center) < plan.at)
+}
+
+/// How items are divided.
+#[derive(Clone, Copy)]
+struct Plan {
+    axis: usize,
+    lo: f32,
+    scale: f32,
+    /// The first bin on the right.
+    at: i32,
+}
+
+impl Plan {
+    #[inline(always)]
+    fn bin(&self, center: [f32; 4]) -> i32 {
+        // The same arithmetic as for the bins.
+        ((center[self.axis] - self.lo) * self.scale) as i32
+    }
+}
+
+type Bins<const B: usize> = [[(Bounds, u32); B]; 3];
+
+/// The best of the binned splits; `None` if all centers coincide.
+fn plan<const B: usize>(part: &Part<'_>) -> Option<Plan> {
+    let range = part.centers;
+    // A little less, so that the greatest center falls into the last bin.
+    let scale = [0, 1, 2].map(|axis| B as f32 * 0.9999 / (range.hi[axis] - range.lo[axis]));
+    let usable = scale.map(|scale| scale < f32::MAX);
+    let scale = [0, 1, 2].map(|axis| if usable[axis] { scale[axis] } else { 0.0 });
+    let bins = binned::<B>(part.items, range.lo, scale);
+    (0..3)
+        .filter(|&axis| usable[axis])
+        .filter_map(|axis| cheapest(&bins[axis]).map(|(cost, at)| (cost, axis, at)))
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, axis, at)| Plan { axis, lo: range.lo[axis], scale: scale[axis], at: at as i32 })
+}
+
+/// The items in bins along each axis.
+fn binned<const B: usize>(items: &[Item], lo: [f32; 4], scale: [f32; 3]) -> Bins<B> {
+    if items.len() >= 1 << 15 {
+        let halves = items.split_at(items.len() / 2);
+        let (mut left, right) = rayon::join(|| binned::<B>(halves.0, lo, scale), || binned::<B>(halves.1, lo, scale));
+        for (left, right) in left.iter_mut().flatten().zip(right.iter().flatten()) {
+            left.0.join(&right.0);
+            left.1 += right.1;
+        }
+        return left;
+    }
+    let mut bins = [[(Bounds::EMPTY, 0); B]; 3];
+    for item in items {
+        let center = item.center();
+        for axis in 0..3 {
+            let bin = ((center[axis] - lo[axis]) * scale[axis]) as i32;
+            let (bounds, count) = &mut bins[axis][bin as usize % B];
+            bounds.join(&item.0);
             *count += 1;
         }
     }
-    let best = (0..3)
-        .filter(|&axis| scale[axis].is_finite())
-        .filter_map(|axis| cheapest(&bins[axis]).map(|(cost, at)| (cost, axis, at)))
-        .min_by(|a, b| a.0.total_cmp(&b.0));
-    match best {
-        Some((_, axis, at)) => partition(items, |item| bin(item, axis) < at),
-        None => items.len() / 2,
-    }
+    bins
 }
 
 /// The cost and the first bin on the right of the best division of the bins.
-fn cheapest(bins: &[(Bounds, usize); BINS]) -> Option<(f32, usize)> {
-    let mut right = [(0.0, 0); BINS];
+fn cheapest<const B: usize>(bins: &[(Bounds, u32); B]) -> Option<(f32, usize)> {
+    let mut right = [(0.0, 0); B];
     let (mut bounds, mut count) = (Bounds::EMPTY, 0);
-    for at in (1..BINS).rev() {
+    for at in (1..B).rev() {
         bounds.join(&bins[at].0);
         count += bins[at].1;
         right[at] = (bounds.area(), count);
     }
     let (mut bounds, mut count) = (Bounds::EMPTY, 0);
     let mut best = None;
-    for at in 1..BINS {
+    for at in 1..B {
         bounds.join(&bins[at - 1].0);
         count += bins[at - 1].1;
         if count == 0 || right[at].1 == 0 {
             continue;
         }
-        // Triangles are tested by the block, so a block is the unit of work.
-        let work = |count: usize| count.div_ceil(LEAF) as f32;
+        // Triangles are tested by the leaf, so a leaf is the unit of work.
+        let work = |count: u32| count.div_ceil(LEAF as u32) as f32;
         let cost = bounds.area() * work(count) + right[at].0 * work(right[at].1);
         if best.is_none_or(|(least, _)| cost < least) {
             best = Some((cost, at));
@@ -156,14 +345,28 @@ fn cheapest(bins: &[(Bounds, usize); BINS]) -> Option<(f32, usize)> {
     best
 }
 
-/// Moves the items on the left to the front and returns their number.
-fn partition(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
+/// Moves the items whose centers are on the left to the front.
+fn partition(items: &mut [Item], left: impl Fn([f32; 4]) -> bool) -> [Part<'_>; 2] {
+    let mut boxes = [(Bounds::EMPTY, Bounds::EMPTY); 2];
     let mut count = 0;
     for k in 0..items.len() {
-        if left(&items[k]) {
-            items.swap(count, k);
-            count += 1;
+        let item = items[k];
+        let center = item.center();
+        let is_left = left(center);
+        let (bounds, centers) = &mut boxes[usize::from(!is_left)];
+        bounds.join(&item.0);
+        centers.add(center);
+        if is_left {
+            items.swap(k, count);
         }
+        count += usize::from(is_left);
     }
-    count
+    let (left, right) = items.split_at_mut(count);
+    let [l, r] = boxes;
+    [Part { items: left, bounds: l.0, centers: l.1 }, Part { items: right, bounds: r.0, centers: r.1 }]
+}
+
+/// The box around points.
+pub(super) fn range(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
+    points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)))
 }

@@ -1,15 +1,19 @@
 use super::Visibility;
+use super::build::{DEPTH, Item, WIDTH, build, range};
+use super::exact::{self, Crossing, Ray, Triangle};
+use super::lanes::{Lanes, Portable, Vector};
+use super::leaf::{Leaf, Probe};
+use super::node::{Frame, LEAF_BIT, Local, Node, Slabs};
+use super::packet::Segments;
 #[cfg(target_arch = "x86_64")]
-use super::avx2::Avx2;
-use super::build::{Child, DEPTH, Item, LEAF, WIDTH, build};
-use super::simd::{Frame, Kernels, LEAF_BIT, Node, Portable, Slabs};
-use super::triangle::{Block, Crossings, Ray};
+use super::x86::{Avx2, Avx512};
 use crate::scene::Surface;
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Pending nodes of a traversal: each level leaves at most all children but one.
 pub(super) const STACK: usize = DEPTH * (WIDTH - 1) + 1;
-/// Up to this many blocks are tested one after the other, without the tree.
+/// Up to this many leaves are tested one after the other, without the tree.
 const FLAT: usize = 4;
 
 /// A tree of boxes over triangles, eight children per node, four triangles per leaf.
@@ -19,10 +23,13 @@ const FLAT: usize = 4;
 #[derive(Debug, Clone)]
 pub struct Bvh {
     pub(super) nodes: Vec<Node>,
-    pub(super) blocks: Vec<Block<LEAF>>,
-    /// Where each triangle of the input is: `LEAF` · block + lane; `u32::MAX` if it was not finite.
+    pub(super) leaves: Vec<Leaf>,
+    /// In the order of the leaves.
+    pub(super) triangles: Vec<Triangle>,
+    /// Where each triangle of the input is among them; `u32::MAX` if it was not finite.
     slots: Vec<u32>,
     pub(super) frame: Frame,
+    instructions: Instructions,
 }
 
 /// Where a ray meets a triangle.
@@ -40,6 +47,63 @@ pub struct Hit {
     pub barycentric: [f64; 2],
 }
 
+/// Vector instructions that the tree is walked with. The answers do not depend on them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum InstructionSet {
+    /// Those that the program was compiled for.
+    Portable,
+    /// AVX2 with fused multiply-add.
+    Avx2,
+    /// AVX-512 for packets, AVX2 for the rest.
+    Avx512,
+}
+
+impl InstructionSet {
+    /// All, in the order in which each includes the former.
+    pub const ALL: [Self; 3] = [Self::Portable, Self::Avx2, Self::Avx512];
+}
+
+/// An instruction set that was found.
+#[derive(Debug, Clone, Copy)]
+enum Instructions {
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2(Avx2),
+    #[cfg(target_arch = "x86_64")]
+    Avx512(Avx512, Avx2),
+}
+
+impl Instructions {
+    /// The best that the processor has, at most `most`.
+    fn detect(most: InstructionSet) -> Self {
+        #[cfg(target_arch = "x86_64")]
+        match (Avx2::detect(), Avx512::detect()) {
+            (Some(avx2), Some(avx512)) if most >= InstructionSet::Avx512 => return Self::Avx512(avx512, avx2),
+            (Some(avx2), _) if most >= InstructionSet::Avx2 => return Self::Avx2(avx2),
+            _ => {}
+        }
+        let _ = most;
+        Self::Portable
+    }
+}
+
+/// Runs a method, compiled for the tree's instruction set: `$narrow` for single rays, `$wide` for packets.
+macro_rules! dispatch {
+    ($self:ident, $method:ident, $avx2:ident, $avx512:ident, $($argument:expr),*) => {
+        match $self.instructions {
+            Instructions::Portable => $self.$method(Portable, $($argument),*),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: the value proves that the processor has the feature.
+            Instructions::Avx2(avx2) => unsafe { $self.$avx2(avx2, $($argument),*) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: the values prove that the processor has the features.
+            Instructions::Avx512(_avx512, _avx2) => unsafe { $self.$avx512(dispatch!(@ $avx512 _avx512 _avx2), $($argument),*) },
+        }
+    };
+    (@ any_of_avx512 $avx512:ident $avx2:ident) => { $avx512 };
+    (@ $other:ident $avx512:ident $avx2:ident) => { $avx2 };
+}
+
 impl Bvh {
     /// From triangles and the id of the surface that each belongs to.
     ///
@@ -47,19 +111,45 @@ impl Bvh {
     /// If the lengths differ.
     pub fn new(triangles: &[[DVec3; 3]], ids: &[u32]) -> Self {
         assert_eq!(triangles.len(), ids.len(), "one id per triangle");
-        let finite = |triangle: &&[DVec3; 3]| triangle.iter().all(|corner| corner.is_finite());
-        let frame = Frame::around(triangles.iter().filter(finite).flatten().copied());
+        let finite = |triangle: &[DVec3; 3]| triangle.iter().all(|corner| corner.is_finite());
+        let ranges =
+            triangles.par_chunks(1 << 14).map(|part| range(part.iter().filter(|t| finite(t)).flatten().copied()));
+        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let (lo, hi) = ranges.reduce(|| empty, |a, b| (a.0.min(b.0), a.1.max(b.1)));
+        let frame = Frame::between(lo, hi);
         let mut items: Vec<Item> = (0..triangles.len() as u32)
-            .filter(|&index| finite(&&triangles[index as usize]))
-            .map(|index| Item { bounds: frame.bounds(&triangles[index as usize]), index })
+            .into_par_iter()
+            .with_min_len(1 << 12)
+            .filter(|&index| finite(&triangles[index as usize]))
+            .map(|index| Item::new(frame.bounds(&triangles[index as usize]), index))
             .collect();
-        let slots = vec![u32::MAX; triangles.len()];
-        let mut bvh = Self { nodes: Vec::new(), blocks: Vec::new(), slots, frame };
+        let mut bvh = Self {
+            nodes: Vec::new(),
+            leaves: Vec::new(),
+            triangles: Vec::new(),
+            slots: vec![u32::MAX; triangles.len()],
+            frame,
+            instructions: Instructions::detect(InstructionSet::Avx512),
+        };
         if !items.is_empty() {
-            let root = build(&mut items);
-            bvh.flatten(&root, triangles, ids);
+            bvh.fill(&mut items, triangles, ids);
         }
         bvh
+    }
+
+    fn fill(&mut self, items: &mut [Item], triangles: &[[DVec3; 3]], ids: &[u32]) {
+        let root = build(items);
+        let triangle = |item: &Item| {
+            let index = item.index();
+            Triangle { corners: triangles[index as usize], index, id: ids[index as usize] }
+        };
+        self.triangles = items.par_iter().with_min_len(1 << 12).map(triangle).collect();
+        for (slot, triangle) in self.triangles.iter().enumerate() {
+            self.slots[triangle.index as usize] = slot as u32;
+        }
+        self.nodes = vec![Node::EMPTY; root.nodes];
+        self.leaves = vec![Leaf::EMPTY; root.leaves];
+        root.write([0, 0], &mut self.nodes, &mut self.leaves, &self.triangles, self.frame);
     }
 
     /// From surfaces; their ids are their indices.
@@ -74,29 +164,22 @@ impl Bvh {
         Self::new(&triangles, &ids)
     }
 
-    /// Appends a node and all below it, in depth-first order, and returns its index.
-    fn flatten(&mut self, children: &[Child], triangles: &[[DVec3; 3]], ids: &[u32]) -> u32 {
-        let at = self.nodes.len();
-        self.nodes.push(Node::EMPTY);
-        for (lane, child) in children.iter().enumerate() {
-            let (bounds, child) = match child {
-                Child::Leaf(bounds, items) => (bounds, LEAF_BIT | self.push_block(items, triangles, ids)),
-                Child::Node(bounds, children) => (bounds, self.flatten(children, triangles, ids)),
-            };
-            self.nodes[at].set(lane, bounds, child);
-        }
-        at as u32
+    /// The same tree, walked with an instruction set or, if the processor does not have that, the next lesser one.
+    #[must_use]
+    pub fn restricted_to(mut self, set: InstructionSet) -> Self {
+        self.instructions = Instructions::detect(set);
+        self
     }
 
-    fn push_block(&mut self, items: &[u32], triangles: &[[DVec3; 3]], ids: &[u32]) -> u32 {
-        let at = self.blocks.len();
-        let mut block = Block::EMPTY;
-        for (lane, &index) in items.iter().enumerate() {
-            block.set(lane, &triangles[index as usize], index, ids[index as usize]);
-            self.slots[index as usize] = (at * LEAF + lane) as u32;
+    /// What the tree is walked with.
+    pub fn instruction_set(&self) -> InstructionSet {
+        match self.instructions {
+            Instructions::Portable => InstructionSet::Portable,
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx2(_) => InstructionSet::Avx2,
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx512(..) => InstructionSet::Avx512,
         }
-        self.blocks.push(block);
-        at as u32
     }
 
     /// Number of triangles of the input.
@@ -111,30 +194,28 @@ impl Bvh {
 
     /// Memory in bytes.
     pub fn bytes(&self) -> usize {
-        size_of_val(&*self.nodes) + size_of_val(&*self.blocks) + size_of_val(&*self.slots)
+        size_of_val(&*self.nodes)
+            + size_of_val(&*self.leaves)
+            + size_of_val(&*self.triangles)
+            + size_of_val(&*self.slots)
     }
 
     /// The corners of a triangle and the id of its surface; `None` if it does not exist or is not finite.
     pub fn triangle(&self, index: u32) -> Option<([DVec3; 3], u32)> {
-        let slot = *self.slots.get(index as usize)? as usize;
-        let block = self.blocks.get(slot / LEAF)?;
-        Some((block.triangle(slot % LEAF), block.id[slot % LEAF]))
+        let triangle = self.exact(index)?;
+        Some((triangle.corners, triangle.id))
+    }
+
+    fn exact(&self, index: u32) -> Option<&Triangle> {
+        self.triangles.get(*self.slots.get(index as usize)? as usize)
     }
 
     /// Whether one of the `candidates`, indices of triangles, crosses the segment strictly between its ends: the same
     /// test as [`Visibility::occluded`], on the few triangles that a shaft has left.
     pub fn occluded_by(&self, from: DVec3, to: DVec3, candidates: &[u32]) -> bool {
         let Some(ray) = Ray::segment(from, to) else { return false };
-        candidates.chunks(LEAF).any(|chunk| {
-            let mut block = Block::<LEAF>::EMPTY;
-            for (lane, &index) in chunk.iter().enumerate() {
-                if let Some((triangle, _)) = self.triangle(index) {
-                    // No surface is skipped, so that the id may be anything but the marks of `skip`.
-                    block.set(lane, &triangle, index, 0);
-                }
-            }
-            ray.blocked_by(&ray.cross(&block), &block, [u32::MAX; 2])
-        })
+        let crosses = |triangle: &Triangle| ray.cross(triangle).is_some_and(|found| ray.counts(triangle, found.t));
+        candidates.iter().any(|&index| self.exact(index).is_some_and(crosses))
     }
 
     /// The first crossing with 0 < t < `t_max` that `accept(id, front)` takes; `t_max` may be infinite.
@@ -148,108 +229,195 @@ impl Bvh {
         accept: impl Fn(u32, bool) -> bool,
     ) -> Option<Hit> {
         let ray = Ray::open(origin, direction, t_max)?;
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = Avx2::detect() {
-            // SAFETY: the processor has the feature.
-            return unsafe { self.closest_avx2(avx2, &ray, &accept) };
-        }
-        self.closest(Portable, &ray, &accept)
+        let Ok(local) = Local::new(self.frame, origin, direction, exact::guard(origin, origin)) else {
+            let mut best = None;
+            self.triangles.iter().for_each(|triangle| closer(&ray, triangle, &accept, &mut best));
+            return best;
+        };
+        dispatch!(self, closest, closest_avx2, closest_avx2, &ray, &local, t_max, &accept)
     }
 
     /// [`Self::any`] compiled for AVX2.
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn any_avx2(&self, avx2: Avx2, ray: &Ray, skip: [u32; 2]) -> bool {
-        self.any(avx2, ray, skip)
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn any_avx2(&self, avx2: Avx2, segments: &Segments, local: &Local) -> bool {
+        self.any(avx2, segments, local)
     }
 
     /// [`Self::closest`] compiled for AVX2.
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn closest_avx2(&self, avx2: Avx2, ray: &Ray, accept: &impl Fn(u32, bool) -> bool) -> Option<Hit> {
-        self.closest(avx2, ray, accept)
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn closest_avx2(
+        &self,
+        avx2: Avx2,
+        ray: &Ray,
+        local: &Local,
+        t_max: f64,
+        accept: &impl Fn(u32, bool) -> bool,
+    ) -> Option<Hit> {
+        self.closest(avx2, ray, local, t_max, accept)
     }
 
-    /// Whether any triangle blocks the ray.
+    /// [`Self::any_of`] compiled for AVX2.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn any_of_avx2(&self, avx2: Avx2, segments: &Segments) -> Option<u32> {
+        self.any_of(avx2, segments)
+    }
+
+    /// [`Self::any_of`] compiled for AVX-512.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn any_of_avx512(&self, avx512: Avx512, segments: &Segments) -> Option<u32> {
+        self.any_of(avx512, segments)
+    }
+
+    /// Whether any triangle blocks the one segment.
     #[inline(always)]
-    pub(super) fn any(&self, kernels: impl Kernels, ray: &Ray, skip: [u32; 2]) -> bool {
-        if self.blocks.len() <= FLAT {
-            return self.blocks.iter().any(|block| ray.blocked_by(&kernels.cross(ray, block), block, skip));
+    fn any<L: Lanes>(&self, lanes: L, segments: &Segments, local: &Local) -> bool {
+        let probe = Probe::new(local, 1.0);
+        if self.leaves.len() <= FLAT {
+            for leaf in &self.leaves {
+                if self.blocks(lanes, leaf, &probe, segments) {
+                    return true;
+                }
+            }
+            return false;
         }
-        let slabs = Slabs::new(self.frame, ray.origin, ray.direction, ray.end);
+        let slabs = Slabs::new(local, 1.0);
         let mut stack = [0_u32; STACK];
         let mut pending = 1;
         while pending > 0 {
             pending -= 1;
             let node = &self.nodes[stack[pending] as usize];
-            let (mut mask, _) = kernels.slabs(node, &slabs);
+            let (mut mask, _) = node.slabs(lanes, &slabs);
             while mask != 0 {
                 let child = node.child[mask.trailing_zeros() as usize];
                 mask &= mask - 1;
                 if child & LEAF_BIT == 0 {
+                    lanes.prefetch(&self.nodes[child as usize]);
                     stack[pending] = child;
                     pending += 1;
-                } else {
-                    let block = &self.blocks[(child ^ LEAF_BIT) as usize];
-                    if ray.blocked_by(&kernels.cross(ray, block), block, skip) {
-                        return true;
-                    }
+                } else if self.blocks(lanes, &self.leaves[(child ^ LEAF_BIT) as usize], &probe, segments) {
+                    return true;
                 }
             }
         }
         false
     }
 
+    /// Whether a triangle of a leaf blocks the one segment.
+    #[inline(always)]
+    fn blocks<L: Lanes>(&self, lanes: L, leaf: &Leaf, probe: &Probe, segments: &Segments) -> bool {
+        let verdict = probe.judge(lanes, leaf);
+        let mut found = verdict.sure | verdict.doubtful;
+        while found != 0 {
+            let lane = found.trailing_zeros() as usize;
+            found &= found - 1;
+            if segments.skip.contains(&leaf.id[lane]) {
+                continue;
+            }
+            if verdict.sure >> lane & 1 != 0 || self.surely_blocks(leaf.first as usize + lane, segments) {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// The decision in f64, out of the way of the loop.
+    #[inline(never)]
+    fn surely_blocks(&self, triangle: usize, segments: &Segments) -> bool {
+        Ray::segment(segments.from[0], segments.to[0])
+            .is_some_and(|ray| ray.blocked_by(&self.triangles[triangle], segments.skip))
+    }
+
     /// The first acceptable crossing: near children first, far ones dropped once something nearer is hit.
     #[inline(always)]
-    fn closest(&self, kernels: impl Kernels, ray: &Ray, accept: &impl Fn(u32, bool) -> bool) -> Option<Hit> {
+    fn closest<L: Lanes>(
+        &self,
+        lanes: L,
+        ray: &Ray,
+        local: &Local,
+        t_max: f64,
+        accept: &impl Fn(u32, bool) -> bool,
+    ) -> Option<Hit> {
         let mut best = None;
-        if self.blocks.len() <= FLAT {
-            self.blocks.iter().for_each(|block| closer(ray, block, &kernels.cross(ray, block), accept, &mut best));
-            return best;
-        }
-        let mut slabs = Slabs::new(self.frame, ray.origin, ray.direction, ray.end);
+        let (mut slabs, mut probe) = (Slabs::new(local, t_max), Probe::new(local, t_max));
         let mut stack = [(0.0_f32, 0_u32); STACK];
-        let mut pending = 1;
+        let mut pending = usize::from(!self.nodes.is_empty());
         while pending > 0 {
             pending -= 1;
             let (enter, node) = stack[pending];
-            if slabs.is_past(enter) {
+            if enter > slabs.end {
                 continue;
             }
             let node = &self.nodes[node as usize];
-            let (mut mask, enters) = kernels.slabs(node, &slabs);
+            let (mut mask, enters) = node.slabs(lanes, &slabs);
+            let enters = enters.to_array();
             let first = pending;
             while mask != 0 {
                 let lane = mask.trailing_zeros() as usize;
                 mask &= mask - 1;
                 let child = node.child[lane];
                 if child & LEAF_BIT == 0 {
+                    lanes.prefetch(&self.nodes[child as usize]);
                     stack[pending] = (enters[lane], child);
                     pending += 1;
                     sink(&mut stack[first..pending]);
-                } else if !slabs.is_past(enters[lane]) {
-                    let block = &self.blocks[(child ^ LEAF_BIT) as usize];
-                    closer(ray, block, &kernels.cross(ray, block), accept, &mut best);
-                    if let Some(hit) = best {
-                        slabs.stop_at(hit.t);
+                } else if enters[lane] <= slabs.end {
+                    let leaf = &self.leaves[(child ^ LEAF_BIT) as usize];
+                    if self.closer_in(lanes, leaf, &probe, ray, accept, &mut best)
+                        && let Some(hit) = best
+                    {
+                        let length = local.length_to(hit.t);
+                        slabs.stop_at(length);
+                        probe.stop_at(length);
                     }
                 }
             }
         }
         best
     }
+
+    /// Replaces `best` by a nearer acceptable crossing of a leaf's triangles; returns whether there may be one.
+    #[inline(always)]
+    fn closer_in<L: Lanes>(
+        &self,
+        lanes: L,
+        leaf: &Leaf,
+        probe: &Probe,
+        ray: &Ray,
+        accept: &impl Fn(u32, bool) -> bool,
+        best: &mut Option<Hit>,
+    ) -> bool {
+        let verdict = probe.judge(lanes, leaf);
+        let mut found = verdict.sure | verdict.doubtful;
+        let any = found != 0;
+        while found != 0 {
+            let lane = found.trailing_zeros() as usize;
+            found &= found - 1;
+            closer(ray, &self.triangles[leaf.first as usize + lane], accept, best);
+        }
+        any
+    }
 }
 
 impl Visibility for Bvh {
     fn occluded(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> bool {
-        let Some(ray) = Ray::segment(from, to) else { return false };
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = Avx2::detect() {
-            // SAFETY: the processor has the feature.
-            return unsafe { self.any_avx2(avx2, &ray, skip) };
-        }
-        self.any(Portable, &ray, skip)
+        let (ends, guard) = ([from, to], exact::guard(from, to));
+        let segments = Segments { from: &ends[..1], to: &ends[1..], skip };
+        let Ok(local) = Local::new(self.frame, from, to - from, guard) else {
+            let Some(ray) = Ray::segment(from, to) else { return false };
+            return self.triangles.iter().any(|triangle| ray.blocked_by(triangle, skip));
+        };
+        dispatch!(self, any, any_avx2, any_avx2, &segments, &local)
+    }
+
+    fn occluded_packet(&self, from: &[DVec3], to: &[DVec3], skip: [u32; 2]) -> u32 {
+        super::check_packet(from, to);
+        let segments = Segments { from, to, skip };
+        dispatch!(self, any_of, any_of_avx2, any_of_avx512, &segments)
+            .unwrap_or_else(|| super::one_by_one(self, from, to, skip))
     }
 }
 
@@ -263,25 +431,14 @@ pub(super) fn sink(stack: &mut [(f32, u32)]) {
     }
 }
 
-/// Replaces `best` by an acceptable crossing of the block that is nearer.
+/// Replaces `best` by an acceptable crossing of a triangle that is nearer.
 #[inline(always)]
-fn closer(
-    ray: &Ray,
-    block: &Block<LEAF>,
-    found: &Crossings<LEAF>,
-    accept: &impl Fn(u32, bool) -> bool,
-    best: &mut Option<Hit>,
-) {
-    let mut mask = found.mask;
-    while mask != 0 {
-        let lane = mask.trailing_zeros() as usize;
-        mask &= mask - 1;
-        let (t, triangle, id, sum) = (found.t[lane], block.index[lane], block.id[lane], found.sum[lane]);
-        let nearer = best.is_none_or(|best| (t, triangle) < (best.t, best.triangle));
-        let front = ray.sees_front(sum);
-        if nearer && ray.counts(block, lane, t) && accept(id, front) {
-            let barycentric = [found.edges[1][lane] / sum, found.edges[2][lane] / sum];
-            *best = Some(Hit { t, triangle, id, front, barycentric });
-        }
+fn closer(ray: &Ray, triangle: &Triangle, accept: &impl Fn(u32, bool) -> bool, best: &mut Option<Hit>) {
+    let Some(Crossing { edges, sum, t }) = ray.cross(triangle) else { return };
+    let nearer = best.is_none_or(|best| (t, triangle.index) < (best.t, best.triangle));
+    let front = ray.sees_front(sum);
+    if nearer && ray.counts(triangle, t) && accept(triangle.id, front) {
+        let barycentric = [edges[1] / sum, edges[2] / sum];
+        *best = Some(Hit { t, triangle: triangle.index, id: triangle.id, front, barycentric });
     }
 }

@@ -1,5 +1,6 @@
 use super::bvh::{Bvh, STACK, sink};
-use super::simd::LEAF_BIT;
+use super::exact::Triangle;
+use super::node::LEAF_BIT;
 use glam::DVec3;
 
 /// The point of some triangles that is nearest to a given one.
@@ -51,14 +52,12 @@ impl Bvh {
         best
     }
 
-    /// Replaces `best` by the nearest point of a block's triangles if that is nearer.
-    fn nearer(&self, point: DVec3, block: usize, accept: &impl Fn(u32) -> bool, best: &mut Option<Nearest>) {
-        let block = &self.blocks[block];
-        for (lane, &triangle) in block.index.iter().enumerate() {
-            if triangle == u32::MAX || !accept(triangle) {
+    /// Replaces `best` by the nearest point of a leaf's triangles if that is nearer.
+    fn nearer(&self, point: DVec3, leaf: usize, accept: &impl Fn(u32) -> bool, best: &mut Option<Nearest>) {
+        for &Triangle { corners, index: triangle, .. } in &self.triangles[self.leaves[leaf].range()] {
+            if !accept(triangle) {
                 continue;
             }
-            let corners = block.triangle(lane);
             let barycentric = nearest_weights(point, corners);
             let [a, b, c] = corners;
             let at = a + (b - a) * barycentric[0] + (c - a) * barycentric[1];

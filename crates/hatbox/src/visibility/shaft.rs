@@ -1,6 +1,6 @@
 use super::build::WIDTH;
 use super::bvh::{Bvh, STACK};
-use super::simd::{Frame, LEAF_BIT, Node};
+use super::node::{Frame, LEAF_BIT, Node};
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
@@ -306,9 +306,9 @@ impl Bvh {
                     pending += 1;
                     continue;
                 }
-                let block = &self.blocks[(child ^ LEAF_BIT) as usize];
-                for (lane, &index) in block.index.iter().enumerate().filter(|&(_, &index)| index != u32::MAX) {
-                    if !take(index, block.id[lane], &block.triangle(lane)) {
+                let leaf = &self.leaves[(child ^ LEAF_BIT) as usize];
+                for triangle in &self.triangles[leaf.range()] {
+                    if !take(triangle.index, triangle.id, &triangle.corners) {
                         return false;
                     }
                 }
