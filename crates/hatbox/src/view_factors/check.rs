@@ -1,6 +1,8 @@
 //! What the rows of F say about its accuracy.
 
 use super::ViewFactors;
+use super::matrix::Areas;
+use crate::exchange::Dense;
 use rayon::prelude::*;
 
 /// What one row says.
@@ -78,7 +80,10 @@ pub(super) fn greatest(values: impl IntoIterator<Item = f64>) -> f64 {
 impl ViewFactors {
     /// Looks at all factors. What is not a number shows in every result that it belongs to.
     pub fn check(&self) -> Check {
-        let rows: Vec<RowCheck> = (0..self.len()).into_par_iter().map(|i| self.check_row(i)).collect();
+        let rows = match &self.matrix.areas {
+            Areas::Elements(dense) => self.check_pairs(dense),
+            _ => (0..self.len()).into_par_iter().map(|i| self.check_row(i)).collect(),
+        };
         let closed = self.is_closed();
         let sums = Distribution::of(rows.iter().map(|row| row.sum));
         let error = |row: &RowCheck| match row.sum - 1.0 {
@@ -100,6 +105,39 @@ impl ViewFactors {
             nonzeros: rows.iter().map(|row| row.nonzeros).sum(),
             rows,
         }
+    }
+
+    /// All rows of a matrix that is stored by halves, pair by pair.
+    fn check_pairs(&self, dense: &Dense) -> Vec<RowCheck> {
+        let areas: Vec<f64> = self.surfaces.iter().map(|surface| surface.area).collect();
+        let inverse: Vec<f64> = areas.iter().map(|area| 1.0 / area).collect();
+        let nothing = |escape: f64| RowCheck { sum: 0.0, closure_error: escape, reciprocity_error: 0.0, nonzeros: 0 };
+        let start = || vec![nothing(0.0); areas.len()];
+        let parts = dense.fold_pairs(start, |rows: &mut Vec<RowCheck>, i, j, exchanged| {
+            let exchanged = self.matrix.corrected(i, j, exchanged);
+            if exchanged == 0.0 {
+                return;
+            }
+            let [there, back] = [i, j].map(|k| areas[k] * (exchanged * inverse[k]));
+            let reciprocity_error = (there - back).abs() / exchanged.abs();
+            for k in [i, j] {
+                let row = &mut rows[k];
+                row.sum += exchanged;
+                row.nonzeros += 1;
+                row.reciprocity_error = greatest([row.reciprocity_error, reciprocity_error]);
+            }
+        });
+        let mut rows = start();
+        for (k, row) in rows.iter_mut().enumerate() {
+            for part in &parts {
+                row.sum += part[k].sum;
+                row.nonzeros += part[k].nonzeros;
+                row.reciprocity_error = greatest([row.reciprocity_error, part[k].reciprocity_error]);
+            }
+            row.sum *= inverse[k];
+            row.closure_error = row.sum - (1.0 - self.surfaces[k].escape);
+        }
+        rows
     }
 
     fn check_row(&self, i: usize) -> RowCheck {

@@ -85,7 +85,7 @@ impl Matrix {
         }
     }
 
-    fn corrected(&self, i: usize, j: usize, exchanged: f64) -> f64 {
+    pub(super) fn corrected(&self, i: usize, j: usize, exchanged: f64) -> f64 {
         match &self.correction {
             // Nothing becomes of nothing; and what is not a number must stay one that is not.
             Some(correction) if exchanged != 0.0 => correction.apply(i, j, exchanged),
@@ -105,11 +105,7 @@ impl Matrix {
 
     fn fill_uncorrected(&self, i: usize, row: &mut [f64]) {
         match &self.areas {
-            Areas::Elements(dense) => {
-                for (j, value) in row.iter_mut().enumerate() {
-                    *value = dense.exchange_area(i, j);
-                }
-            }
+            Areas::Elements(dense) => dense.fill_exchange_row(i, row),
             Areas::Table(values) => row.copy_from_slice(&values[i * self.len..(i + 1) * self.len]),
             Areas::Sparse(matrix) => {
                 row.fill(0.0);
