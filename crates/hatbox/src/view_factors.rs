@@ -4,7 +4,6 @@
 //! elements `A_g F_gh = Σ S_ij` over their members. S is symmetric, and so reciprocity `A_i F_ij = A_j F_ji` holds to
 //! rounding; the row sums are *not* forced to one here, so that in a closed scene their error is an honest measure of the accuracy.
 
-use crate::assemble::Panel;
 use crate::element::{ALL, Basis};
 use crate::exchange::{self, Dense, Exchange, ExchangeError, Geometry, Statistics};
 use crate::mesh::{RefineError, Refinement};
@@ -13,6 +12,7 @@ use crate::scene::Scene;
 use crate::space::{FunctionSpace, NoElement};
 use crate::visibility::Bvh;
 use rayon::prelude::*;
+use std::sync::{Arc, OnceLock};
 
 /// One constant function per element, on triangles and quads alike.
 const BASIS: &Basis = &ALL[0];
@@ -117,13 +117,12 @@ impl ViewFactors {
     pub fn new(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Self, Error> {
         let scene = scene.refined(options.refinement, BASIS)?;
         let space = FunctionSpace::broken(&scene.mesh, BASIS)?;
-        let panels = Panel::of(&scene.mesh, &space);
-        let blockers = Bvh::of_surfaces(&scene.surfaces);
-        let geometry = Geometry { panels: &panels, surfaces: &scene.surfaces, blockers: &blockers };
+        let (panels, blockers) = (OnceLock::new(), Arc::new(Bvh::of_surfaces(&scene.surfaces)));
+        let geometry = Geometry::new(&scene, &space, &blockers, &panels);
         let params = exchange::Params { seed: options.seed, ..exchange::Params::new(options.tolerance) };
         let dense = Dense::new(&geometry, &params, progress)?;
-        let escape = exchange::escape(&geometry, &scene, options.seed, progress).map_err(ExchangeError::from)?;
-        let (elements, statistics) = (panels.len(), dense.statistics());
+        let escape = exchange::escape(&geometry, options.seed, progress).map_err(ExchangeError::from)?;
+        let (elements, statistics) = (space.cells(), dense.statistics());
         let (surfaces, areas) = match options.between {
             Between::Elements => (element_surfaces(&scene), Areas::Elements(dense)),
             Between::Groups => grouped(&scene, &dense, &scene.mesh.groups, |cell| scene.mesh.cells[cell].group),

@@ -12,8 +12,6 @@ use crate::visibility::{Shaft, ShaftResult, Visibility};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Largest number of bytes that a dense operator takes.
-const MAX_BYTES: usize = 16 << 30;
 /// A product is cut into this many runs of rows, each with its own result, added in order: fixed, so that sums do not
 /// depend on the number of threads.
 const RUNS: usize = 32;
@@ -33,21 +31,26 @@ pub struct Dense {
 }
 
 impl Dense {
+    /// The word that selects it.
+    pub const NAME: &'static str = "dense";
+
+    /// Bytes that the coefficients of so many unknowns take.
+    pub const fn bytes(unknowns: usize) -> usize {
+        unknowns.saturating_mul(unknowns + 1) / 2 * size_of::<f64>()
+    }
+
     /// Integrates all pairs.
     ///
     /// # Errors
     /// [`ExchangeError::TooLarge`] before any work if the memory would not do, [`ExchangeError::Interrupted`].
     pub fn new(geometry: &Geometry<'_>, params: &Params, progress: &dyn Progress) -> Result<Self, ExchangeError> {
-        let panels = geometry.panels;
-        let mut offsets = vec![0];
-        for panel in panels {
-            offsets.push(offsets[offsets.len() - 1] + panel.element.dofs());
+        let offsets = geometry.space.offsets().to_vec();
+        let unknowns = geometry.space.broken_dofs();
+        let bytes = Self::bytes(unknowns);
+        if bytes > params.memory {
+            return Err(ExchangeError::TooLarge { unknowns, bytes, limit: params.memory });
         }
-        let unknowns = offsets[panels.len()];
-        let bytes = unknowns * (unknowns + 1) / 2 * size_of::<f64>();
-        if bytes > MAX_BYTES {
-            return Err(ExchangeError::TooLarge { unknowns, bytes, limit: MAX_BYTES });
-        }
+        let panels = geometry.panels();
         let total_area = panels.iter().map(Panel::area).sum();
         let accuracy =
             Accuracy { tolerance: params.tolerance, total_area, max_rays: params.max_rays, seed: params.seed };
@@ -151,6 +154,10 @@ impl LinearOperator for Dense {
 }
 
 impl Exchange for Dense {
+    fn kind(&self) -> &'static str {
+        Self::NAME
+    }
+
     fn statistics(&self) -> Statistics {
         self.statistics
     }
