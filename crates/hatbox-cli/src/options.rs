@@ -16,7 +16,10 @@ use hatbox::view_factors::{self, Between};
 use hatbox::{exchange, solve};
 
 /// The word that leaves a choice to the library.
-pub(crate) const AUTO: &str = "auto";
+pub(crate) const AUTO: &str = exchange::AUTO.name;
+
+/// [`exchange::MEMORY`], as it is typed.
+pub(crate) const MEMORY: &str = "16G";
 
 /// Vertical field of view of a camera that does not say, in degrees.
 const FIELD_OF_VIEW: f64 = 40.0;
@@ -41,6 +44,7 @@ pub(crate) fn solve(args: &SolveArgs) -> Options {
         operator: exchange::kind(&args.operator).unwrap_or(defaults.operator),
         solver: solve::ALL.iter().find(|solver| solver.name == args.solver).map(|solver| solver.kind),
         seed: args.run.seed,
+        memory: args.memory,
         error_points: defaults.error_points,
     }
 }
@@ -153,6 +157,18 @@ pub(crate) fn count(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|&n| n > 0).ok_or_else(|| "it must be a whole number greater than 0".to_owned())
 }
 
+/// Parses an amount of memory: bytes, or K, M, G, T of them, each 1024 of the one before.
+pub(crate) fn bytes(text: &str) -> Result<usize, String> {
+    let plain = text.trim_end_matches('B').trim_end_matches('i');
+    let (digits, power) = ["K", "M", "G", "T"]
+        .iter()
+        .zip(1..)
+        .find_map(|(unit, power)| Some((plain.strip_suffix(unit)?, power)))
+        .unwrap_or((plain, 0));
+    let value = positive(digits.trim())? * 1024_f64.powi(power);
+    if value < 1e18 { Ok(value as usize) } else { Err("no machine has so much".to_owned()) }
+}
+
 /// Parses a relative error: 1% or 0.01.
 pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
     let value = match text.strip_suffix('%') {
@@ -189,6 +205,18 @@ mod tests {
         assert_eq!([tolerance("1%"), tolerance("0.01"), tolerance("1e-2"), tolerance("1 %")], [const { Ok(0.01) }; 4]);
         for wrong in ["0", "-1%", "100%", "2", "one", "nan", ""] {
             assert!(tolerance(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn memory_has_units() {
+        assert_eq!(
+            ["4G", "500M", "1.5 K", "7", "2GiB", "3MB"].map(bytes),
+            [Ok(4 << 30), Ok(500 << 20), Ok(1536), Ok(7), Ok(2 << 30), Ok(3 << 20)]
+        );
+        assert_eq!(bytes(MEMORY), Ok(exchange::MEMORY));
+        for wrong in ["", "G", "-1G", "0", "4X", "1e30"] {
+            assert!(bytes(wrong).is_err(), "{wrong}");
         }
     }
 

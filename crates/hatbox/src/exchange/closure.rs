@@ -10,10 +10,10 @@ use super::{Exchange, Geometry, Statistics};
 use crate::assemble::function_weighted_mass;
 use crate::element::Shape;
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
+use crate::mesh::Patch;
 use crate::progress::{Interrupted, Progress, Silent};
 use crate::quadrature::sequence::{hash, point};
 use crate::scene::Scene;
-use crate::mesh::Patch;
 use crate::solve::{self, cg};
 use crate::space::FunctionSpace;
 use glam::DVec3;
@@ -192,7 +192,11 @@ impl Exchange for Balanced {
         self.exchange.escape()
     }
 
-    // Only symmetric operators are scaled, and only others have samples to compare.
+    // Only symmetric operators are scaled, and only others are noisy.
+    fn steady(&self, x: &MultiVector) -> Option<MultiVector> {
+        self.exchange.steady(x)
+    }
+
     fn spread(&self, x: &MultiVector) -> Option<MultiVector> {
         self.exchange.spread(x)
     }

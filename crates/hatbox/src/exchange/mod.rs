@@ -67,6 +67,12 @@ pub trait Exchange: LinearOperator + Send {
         None
     }
 
+    /// The part of S x that has no noise from cell to cell, if the other part has: light from lamps, whose shadows have
+    /// edges. `None` where S x has none at all.
+    fn steady(&self, _x: &MultiVector) -> Option<MultiVector> {
+        None
+    }
+
     /// Half the difference of S x as two independent halves of the samples have it: a sample of the error of S x.
     /// `None` where nothing is sampled.
     fn spread(&self, _x: &MultiVector) -> Option<MultiVector> {

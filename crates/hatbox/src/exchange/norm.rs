@@ -11,7 +11,12 @@ use crate::linalg::{LinearOperator, MultiVector, dot};
 use crate::quadrature::sequence::hash;
 
 /// The greatest gain ‖Δ⁻¹S x‖/‖x‖, in the norm of Δ, over a Krylov space of that many steps: a lower bound of the norm.
-pub fn norm(exchange: &dyn Exchange, mass: &dyn LinearOperator, mass_inverse: &dyn LinearOperator, steps: usize) -> f64 {
+pub fn norm(
+    exchange: &dyn Exchange,
+    mass: &dyn LinearOperator,
+    mass_inverse: &dyn LinearOperator,
+    steps: usize,
+) -> f64 {
     // Smooth, so that it is close to the greatest; not quite, so that no eigenvector is left out.
     let noise = |row: usize| (hash(0x006e_6f72, row as u64) >> 11) as f64 / (1_u64 << 53) as f64;
     let start = MultiVector::from_fn(exchange.rows(), 1, |row, _| 1.0 + 0.2 * (noise(row) - 0.5));

@@ -86,7 +86,9 @@ pub enum Error {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MaterialsError {
     /// The cells would have to be others.
-    #[error("the new materials are not as many as the old ones, or not two-sided where those are; solve the scene anew")]
+    #[error(
+        "the new materials are not as many as the old ones, or not two-sided where those are; solve the scene anew"
+    )]
     Geometry,
     /// One of them is impossible.
     #[error(transparent)]
@@ -162,8 +164,8 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
         memory: options.memory,
         ..exchange::Params::new(options.tolerance)
     };
-    let reason = (options.operator.name == exchange::AUTO.name)
-        .then(|| exchange::choose(space.broken_dofs(), options.memory).1);
+    let reason =
+        (options.operator.name == exchange::AUTO.name).then(|| exchange::choose(space.broken_dofs(), options.memory).1);
     let system = System::new(scene, space, options.operator, &params, progress)?;
     let operator_time = started.elapsed();
     let started = Instant::now();
@@ -366,13 +368,22 @@ impl System {
 
     /// The solution whose radiosity has these broken coefficients.
     fn solution(&self, radiosity: MultiVector) -> Solution {
-        let irradiance = self.irradiance_of(&self.exchange.times(&radiosity));
+        let mut arrived = self.exchange.times(&radiosity);
+        let steady = self.exchange.steady(&radiosity);
+        if let Some(steady) = &steady {
+            arrived.add_scaled(-1.0, steady);
+        }
+        let mut irradiance = self.irradiance_of(&arrived);
+        if let Some(steady) = &steady {
+            irradiance.add_scaled(1.0, &self.mass_inverse.times(steady));
+        }
         Solution { scene: self.scene.clone(), space: self.space.clone(), radiosity, irradiance }
     }
 
     /// The irradiance with these integrals against the broken functions. It is the projection Δ⁻¹ S b onto the *broken*
     /// space, joined or not: more accurate than on hats where shadows have sharp edges, and it costs no solve. Of a
-    /// sampled operator it is the projection onto the joined space, which averages the noise of the cells that meet.
+    /// sampled operator it is the projection onto the joined space, which averages the noise of the cells that meet (and
+    /// would blur the shadows of lamps, which are therefore left out: [`Exchange::steady`]).
     fn irradiance_of(&self, arrived: &MultiVector) -> MultiVector {
         if self.exchange.is_symmetric() {
             self.mass_inverse.times(arrived)

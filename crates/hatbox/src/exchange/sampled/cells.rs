@@ -197,7 +197,8 @@ impl Grid {
         let size = [extent.x, extent.y].map(|length| ((length / bin).ceil() as u32).clamp(1, 1 << 14));
         let scale = [f64::from(size[0]) / extent.x, f64::from(size[1]) / extent.y];
         let origin = corners[0] + e1 * low.x + e2 * low.y;
-        let mut grid = Self { origin, axes: [e1 * scale[0], e2 * scale[1]], size, first: Vec::new(), cells: Vec::new() };
+        let mut grid =
+            Self { origin, axes: [e1 * scale[0], e2 * scale[1]], size, first: Vec::new(), cells: Vec::new() };
         let mut entries = Vec::with_capacity(4 * on.len());
         for &cell in on {
             let patch = cells.patch(cell as usize);

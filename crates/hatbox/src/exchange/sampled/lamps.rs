@@ -67,16 +67,10 @@ pub(super) struct Receivers {
 
 impl Receivers {
     pub(super) fn new(element: &'static Element) -> Self {
-        let rule = rule(element.shape, (2 * element.degree + usize::from(element.dofs() == 4)).max(2));
+        // Two degrees more than the product of two functions: shadows have edges.
+        let rule = rule(element.shape, 2 * element.degree + 2);
         let n = element.dofs();
-        let mut gram = mean_mass(element, None);
-        if n > 1 {
-            gram = [[0.0; MAX_DOFS]; MAX_DOFS];
-            for (&at, &weight) in rule.points.iter().zip(&rule.weights) {
-                super::fit::add_outer(&mut gram, weight, &element.values(at));
-            }
-        }
-        let l = factor(gram, n);
+        let l = factor(mean_mass(element, None), n);
         let weigh = |(&at, weight): (&[f64; 2], &f64)| {
             let mut column = element.values(at).map(|value| value * weight);
             solve(&l, n, 1, &mut column[..n]);
@@ -102,12 +96,9 @@ impl Lamps {
         lamps.sort_by(|a, b| b.power().total_cmp(&a.power()));
         lamps.truncate(MOST);
         let numbered = lamps.iter().enumerate();
-        let of_cell = numbered.flat_map(|(k, lamp)| lamp.cells.iter().map(move |&(cell, _)| (cell, k as u32))).collect();
+        let of_cell =
+            numbered.flat_map(|(k, lamp)| lamp.cells.iter().map(move |&(cell, _)| (cell, k as u32))).collect();
         Self { lamps, of_cell, seed: params.seed ^ 0x006c_616d_7073 }
-    }
-
-    pub(super) fn len(&self) -> usize {
-        self.lamps.len()
     }
 
     /// The lamp that a cell belongs to.

@@ -36,8 +36,8 @@ use crate::quadrature::sequence::{hash, point};
 use cells::{Cells, Interleaved, Locator};
 use fit::{Matrix, add_outer, factor, mean_mass, solve, variance};
 use lamps::{Entry, Lamps, Receivers};
-use rays::{Frame, Hit, Points, Tracer};
 use rayon::prelude::*;
+use rays::{Frame, Hit, Points, Tracer};
 use std::sync::Arc;
 
 /// Cells per piece of work.
@@ -48,7 +48,7 @@ const RAYS: [u32; 2] = [16, 4096];
 /// and what is joined across cells by half of that.
 const RAYS_AT_TOLERANCE: f64 = 0.0064;
 /// Rays of a point of a cell to lamps, as a fraction of the rays of a cell, and at the least.
-const LAMP_SHARE: u32 = 8;
+const LAMP_SHARE: u32 = 16;
 const LEAST_LAMP_RAYS: u32 = 4;
 /// Rays of one point when its irradiance is asked for.
 const POINT_RAYS: u32 = 1024;
@@ -98,6 +98,17 @@ impl Table {
         };
         let fit = points.functions.iter().map(fit).collect();
         Self { element, points, receivers: Receivers::new(element), fit, mass, ridge }
+    }
+
+    /// The fit to all values of a cell whose points are weighted alike.
+    fn fit_all(&self, work: &mut Work, bands: usize) {
+        work.fit.fill(0.0);
+        let n = self.element.dofs();
+        for (weights, value) in self.fit.iter().zip(work.values.chunks_exact(bands)) {
+            for (fit, weight) in work.fit.chunks_exact_mut(bands).zip(&weights[..n]) {
+                fit.iter_mut().zip(value).for_each(|(fit, v)| *fit += weight * v);
+            }
+        }
     }
 }
 
@@ -209,13 +220,20 @@ impl Sampled {
     fn apply_with(&self, x: &MultiVector, y: &mut MultiVector, take: Take) {
         let bands = x.bands();
         let source = Source { x: Interleaved::new(x), means: self.lamps.means(&self.cells, x) };
+        self.by_rows(bands, y, |cell, index, work| {
+            self.row(cell, index, &source, take, work);
+        });
+    }
+
+    /// Calls `row` for every cell with its place in its chunk, and collects the results.
+    fn by_rows(&self, bands: usize, y: &mut MultiVector, row: impl Fn(usize, usize, &mut Work) + Sync) {
         let results: Vec<Vec<f64>> = (0..self.direct.len())
             .into_par_iter()
             .map(|chunk| {
                 let mut out = Vec::with_capacity(self.chunk(chunk).len() * 3 * bands);
                 let mut work = Work::new(self.rays as usize, bands);
                 for (index, cell) in self.chunk(chunk).enumerate() {
-                    self.row(cell, index, &source, take, &mut work);
+                    row(cell, index, &mut work);
                     out.extend_from_slice(&work.result[..self.cells.element(cell).dofs() * bands]);
                 }
                 out
@@ -231,16 +249,48 @@ impl Sampled {
     /// The rows of one cell: `work.result` = Δ e.
     fn row(&self, cell: usize, index: usize, source: &Source, take: Take, work: &mut Work) {
         let (table, bands, k) = (self.table(cell), source.x.bands, self.rays as usize);
-        let n = table.element.dofs();
+        let mut cast = std::mem::take(&mut work.hits);
         let hits = match self.stored.get(cell / CHUNK) {
             Some(stored) => &stored[index * k..(index + 1) * k],
             None => {
-                self.tracer.trace(&self.cells, cell, &table.points, &mut work.hits);
-                &work.hits[..]
+                self.tracer.trace(&self.cells, cell, &table.points, &mut cast);
+                &cast[..]
             }
         };
+        let meets_lamp = self.bring_back(hits, source, work);
+        let patch = self.cells.patch(cell);
+        let affine = patch.is_affine();
+        if affine && !meets_lamp && take == Take::All {
+            table.fit_all(work, bands);
+        } else {
+            let jacobian = |ray: usize| if affine { 1.0 } else { patch.jacobian(table.points.at[ray]) / patch.area() };
+            let fitting = Fitting { table, hits, take, jacobian: &jacobian, values: &work.values, bands };
+            fitting.fit(|hit| !hit.is_lamp(), |hit| !hit.is_lamp(), |_, _| (), &mut work.fit);
+            let less_mean = |hit: Hit, value: &mut [f64]| {
+                let lamp = self.lamps.of(hit.cell()).unwrap_or(0);
+                value.iter_mut().zip(&source.means[lamp * bands..]).for_each(|(v, mean)| *v -= mean);
+            };
+            if meets_lamp {
+                fitting.fit(|_| true, Hit::is_lamp, less_mean, &mut work.rest);
+            }
+        }
+        work.hits = cast;
+        self.combine(cell, index, &source.means, meets_lamp, work);
+        self.integrate(cell, bands, work);
+    }
+
+    /// `work.result` = Δ `work.fit`.
+    fn integrate(&self, cell: usize, bands: usize, work: &mut Work) {
+        let (table, patch) = (self.table(cell), self.cells.patch(cell));
+        let own = (!patch.is_affine()).then(|| mean_mass(table.element, Some(&patch)));
+        let mass = own.as_ref().unwrap_or(&table.mass);
+        multiply(mass, patch.area(), table.element.dofs(), bands, &work.fit, &mut work.result);
+    }
+
+    /// The values that rays bring back, into `work.values`, and whether one of them comes from a lamp.
+    fn bring_back(&self, hits: &[Hit], source: &Source, work: &mut Work) -> bool {
         let mut meets_lamp = false;
-        for (hit, value) in hits.iter().zip(work.values.chunks_exact_mut(bands)) {
+        for (hit, value) in hits.iter().zip(work.values.chunks_exact_mut(source.x.bands)) {
             if hit.is_lost() {
                 value.fill(0.0);
             } else {
@@ -248,47 +298,28 @@ impl Sampled {
                 meets_lamp |= hit.is_lamp();
             }
         }
-        let patch = self.cells.patch(cell);
-        let affine = patch.is_affine();
-        if affine && !meets_lamp && take == Take::All {
-            work.fit.fill(0.0);
-            for (weights, value) in table.fit.iter().zip(work.values.chunks_exact(bands)) {
-                for (fit, weight) in work.fit.chunks_exact_mut(bands).zip(&weights[..n]) {
-                    fit.iter_mut().zip(value).for_each(|(fit, v)| *fit += weight * v);
-                }
-            }
-        } else {
-            let jacobian = |ray: usize| if affine { 1.0 } else { patch.jacobian(table.points.at[ray]) / patch.area() };
-            let fitting = Fitting { table, hits, take, jacobian: &jacobian };
-            fitting.fit(|hit| !hit.is_lamp(), |_, _| (), &work.values, bands, &mut work.fit, &mut work.value);
-            let rest = |hit: Hit, value: &mut [f64]| {
-                let lamp = self.lamps.of(hit.cell()).unwrap_or(0);
-                value.iter_mut().zip(&source.means[lamp * bands..]).for_each(|(v, mean)| *v -= mean);
-            };
-            if meets_lamp {
-                fitting.fit_rest(rest, &work.values, bands, &mut work.rest, &mut work.value);
-            }
+        meets_lamp
+    }
+
+    /// The value of one band where a ray ended.
+    fn value(&self, column: &[f64], hit: Hit) -> f64 {
+        if hit.is_lost() {
+            return 0.0;
         }
-        self.combine(cell, index, source, meets_lamp && !work.rest.is_empty(), work);
-        let mass = if affine { table.mass } else { mean_mass(table.element, Some(&patch)) };
-        for (i, row) in mass[..n].iter().enumerate() {
-            for band in 0..bands {
-                let sum: f64 = (0..n).map(|j| row[j] * work.fit[j * bands + band]).sum();
-                work.result[i * bands + band] = patch.area() * sum;
-            }
-        }
+        let functions = self.cells.element(hit.cell()).values(hit.at());
+        column[self.cells.range(hit.cell())].iter().zip(functions).map(|(x, n)| x * n).sum()
     }
 
     /// e = Σ f_l mean_l + (1 − Σ f_l) ē + rest, into `work.fit`, which holds ē.
-    fn combine(&self, cell: usize, index: usize, source: &Source, rest: bool, work: &mut Work) {
-        let bands = source.x.bands;
+    fn combine(&self, cell: usize, index: usize, means: &[f64], rest: bool, work: &mut Work) {
+        let bands = work.result.len() / MAX_DOFS;
         let (first, entries) = &self.direct[cell / CHUNK];
         let entries = &entries[first[index] as usize..first[index + 1] as usize];
         for (k, fit) in work.fit.chunks_exact_mut(bands).enumerate() {
             let seen: f64 = entries.iter().map(|entry| f64::from(entry.values[k])).sum();
             fit.iter_mut().for_each(|fit| *fit *= 1.0 - seen);
             for entry in entries {
-                let means = &source.means[entry.lamp as usize * bands..];
+                let means = &means[entry.lamp as usize * bands..];
                 fit.iter_mut().zip(means).for_each(|(fit, mean)| *fit += f64::from(entry.values[k]) * mean);
             }
             if rest {
@@ -324,7 +355,6 @@ struct Source {
 struct Work {
     hits: Vec<Hit>,
     values: Vec<f64>,
-    value: Vec<f64>,
     fit: Vec<f64>,
     rest: Vec<f64>,
     result: Vec<f64>,
@@ -336,10 +366,18 @@ impl Work {
         Self {
             hits: vec![Hit::LOST; rays],
             values: vec![0.0; rays * bands],
-            value: vec![0.0; bands],
             fit: coefficients.clone(),
             rest: coefficients.clone(),
             result: coefficients,
+        }
+    }
+}
+
+/// y = a M x for the bands of n rows side by side.
+fn multiply(mass: &Matrix, a: f64, n: usize, bands: usize, x: &[f64], y: &mut [f64]) {
+    for (row, y) in mass[..n].iter().zip(y.chunks_exact_mut(bands)) {
+        for (band, y) in y.iter_mut().enumerate() {
+            *y = a * (0..n).map(|j| row[j] * x[j * bands + band]).sum::<f64>();
         }
     }
 }
@@ -351,6 +389,8 @@ struct Fitting<'a> {
     take: Take,
     /// The weight of a ray, relative to the others.
     jacobian: &'a dyn Fn(usize) -> f64,
+    values: &'a [f64],
+    bands: usize,
 }
 
 impl Fitting<'_> {
@@ -363,65 +403,36 @@ impl Fitting<'_> {
         }
     }
 
-    /// The fit to the rays that `of` takes, among themselves.
+    /// The fit to a function at the points of the rays `on`: what the rays `of` among them bring, changed, and zero for
+    /// the others.
     fn fit(
         &self,
+        on: impl Fn(Hit) -> bool,
         of: impl Fn(Hit) -> bool,
         change: impl Fn(Hit, &mut [f64]),
-        values: &[f64],
-        bands: usize,
         out: &mut [f64],
-        value: &mut [f64],
     ) {
+        let bands = self.bands;
         let mut gram = self.table.ridge;
-        self.sum(|hit| of(hit), |hit| of(hit), change, (values, bands), &mut gram, out, value);
-        let n = self.table.element.dofs();
-        solve(&factor(gram, n), n, bands, out);
-    }
-
-    /// The fit to a function that is what rays that met lamps bring, and zero for the others.
-    fn fit_rest(
-        &self,
-        change: impl Fn(Hit, &mut [f64]),
-        values: &[f64],
-        bands: usize,
-        out: &mut [f64],
-        value: &mut [f64],
-    ) {
-        let mut gram = self.table.ridge;
-        self.sum(|_| true, Hit::is_lamp, change, (values, bands), &mut gram, out, value);
-        let n = self.table.element.dofs();
-        solve(&factor(gram, n), n, bands, out);
-    }
-
-    /// Σ w N Nᵀ over some rays and Σ w N v over others.
-    #[expect(clippy::too_many_arguments, reason = "two sums in one pass")]
-    fn sum(
-        &self,
-        in_gram: impl Fn(Hit) -> bool,
-        in_sum: impl Fn(Hit) -> bool,
-        change: impl Fn(Hit, &mut [f64]),
-        (values, bands): (&[f64], usize),
-        gram: &mut Matrix,
-        out: &mut [f64],
-        value: &mut [f64],
-    ) {
+        let mut value = vec![0.0; bands];
         out.fill(0.0);
-        let weight = 1.0 / self.rays().len() as f64;
+        let share = 1.0 / self.rays().len() as f64;
         for ray in self.rays() {
             let (hit, functions) = (self.hits[ray], &self.table.points.functions[ray]);
-            let weight = weight * (self.jacobian)(ray);
-            if in_gram(hit) {
-                add_outer(gram, weight, functions);
+            let weight = share * (self.jacobian)(ray);
+            if on(hit) {
+                add_outer(&mut gram, weight, functions);
             }
-            if in_sum(hit) {
-                value.copy_from_slice(&values[ray * bands..(ray + 1) * bands]);
-                change(hit, value);
+            if of(hit) {
+                value.copy_from_slice(&self.values[ray * bands..(ray + 1) * bands]);
+                change(hit, &mut value);
                 for (out, n) in out.chunks_exact_mut(bands).zip(functions) {
-                    out.iter_mut().zip(&*value).for_each(|(out, v)| *out += weight * n * v);
+                    out.iter_mut().zip(&value).for_each(|(out, v)| *out += weight * n * v);
                 }
             }
         }
+        let n = self.table.element.dofs();
+        solve(&factor(gram, n), n, bands, out);
     }
 }
 
@@ -456,6 +467,17 @@ impl Exchange for Sampled {
         Some(self.escape)
     }
 
+    fn steady(&self, x: &MultiVector) -> Option<MultiVector> {
+        let means = self.lamps.means(&self.cells, x);
+        let mut y = MultiVector::zeros(self.rows(), x.bands());
+        self.by_rows(x.bands(), &mut y, |cell, index, work| {
+            work.fit.fill(0.0);
+            self.combine(cell, index, &means, false, work);
+            self.integrate(cell, x.bands(), work);
+        });
+        Some(y)
+    }
+
     fn spread(&self, x: &MultiVector) -> Option<MultiVector> {
         let mut halves = [Take::FirstHalf, Take::SecondHalf].map(|take| {
             let mut y = MultiVector::zeros(self.rows(), x.bands());
@@ -469,39 +491,29 @@ impl Exchange for Sampled {
     }
 
     fn irradiance(&self, cell: usize, at: [f64; 2], x: &MultiVector, seed: u64) -> Option<Vec<f64>> {
-        let (bands, patch, surface) = (x.bands(), self.cells.patch(cell), self.cells.surface(cell));
+        let (patch, surface) = (self.cells.patch(cell), self.cells.surface(cell));
         let (origin, frame) = (patch.point(at), Frame::new(&patch));
         let means = self.lamps.means(&self.cells, x);
-        let mut sum = vec![0.0; bands];
-        let (mut others, mut lost_or_met) = (vec![0.0; bands], 0_u32);
-        let mut rest = vec![0.0; bands];
+        let mut sum = vec![0.0; x.bands()];
+        // What rays bring that meet no lamp, the number of them, and the rest that the others bring.
+        let (mut free, mut count, mut rest) = (sum.clone(), 0_u32, sum.clone());
         for ray in 0..POINT_RAYS {
             let [s, t, ..] = point(seed, ray);
             let hit = self.tracer.cast(&self.cells, origin, frame.cosine(s, t), surface);
-            if hit.is_lost() {
-                lost_or_met += 1;
-                continue;
-            }
-            let lamp = self.lamps.of(hit.cell());
-            let functions = self.cells.element(hit.cell()).values(hit.at());
+            let lamp = (!hit.is_lost()).then(|| self.lamps.of(hit.cell())).flatten();
+            count += u32::from(lamp.is_none());
             for (band, column) in x.iter_bands().enumerate() {
-                let coefficients = &column[self.cells.range(hit.cell())];
-                let value: f64 = coefficients.iter().zip(functions).map(|(x, n)| x * n).sum();
                 match lamp {
-                    Some(lamp) => rest[band] += (value - means[lamp * bands + band]) / f64::from(POINT_RAYS),
-                    None => others[band] += value,
+                    Some(lamp) => rest[band] += self.value(column, hit) - means[lamp * x.bands() + band],
+                    None => free[band] += self.value(column, hit),
                 }
             }
-            lost_or_met += u32::from(lamp.is_none());
         }
         let at = (origin, patch.normal(), surface);
-        let set = hash(seed, 1);
-        let factor = if self.lamps.len() == 0 {
-            0.0
-        } else {
-            self.lamps.irradiance(at, POINT_LAMP_RAYS, set, &self.tracer.blockers, &means, &mut sum)
-        };
-        let share = (1.0 - factor) / f64::from(lost_or_met.max(1));
-        Some((0..bands).map(|band| sum[band] + rest[band] + share * others[band]).collect())
+        let blockers = &self.tracer.blockers;
+        let seen = self.lamps.irradiance(at, POINT_LAMP_RAYS, hash(seed, 1), blockers, &means, &mut sum);
+        let share = (1.0 - seen) / f64::from(count.max(1));
+        let bands = sum.iter().zip(free.iter().zip(&rest));
+        Some(bands.map(|(sum, (free, rest))| sum + share * free + rest / f64::from(POINT_RAYS)).collect())
     }
 }
