@@ -25,7 +25,7 @@ pub(super) fn make(elements: usize) -> Model {
     let around = Inside::new(sun - DVec3::splat(12.0), sun + DVec3::splat(12.0));
     let mut dark: Vec<Face> = super::block(sun - DVec3::splat(12.0), sun + DVec3::splat(12.0), super::BOTH, 0.0);
     let bright = around.walls[1].whole();
-    dark.retain(|face| face.iter().any(|p| p.x != bright[0].x));
+    dark.retain(|face| face.iter().any(|p| p.x < sun.x + 11.0));
     let [a, b, c, d] = bright;
     let light = Material { name: "sun", reflectance: [0.0; 3], radiance: [4e6, 3.8e6, 3.5e6] };
     Model {

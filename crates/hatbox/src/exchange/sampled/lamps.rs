@@ -215,23 +215,23 @@ impl Lamp {
         let element = ALL[0].element(patch.shape())?;
         let panel = Panel::new(patch, element, [0, 1, 2, 3], surface);
         // The cells of a face follow each other, those of one side too.
-        let mut range = strong[0] as usize..strong[strong.len() - 1] as usize + 1;
+        let (mut start, mut end) = (strong[0] as usize, strong[strong.len() - 1] as usize + 1);
         let belongs =
             |cell: usize| cells.surface(cell) == surface && cells.patch(cell).normal().dot(patch.normal()) > 0.0;
-        while range.start > 0 && belongs(range.start - 1) {
-            range.start -= 1;
+        while start > 0 && belongs(start - 1) {
+            start -= 1;
         }
-        while range.end < cells.len() && belongs(range.end) {
-            range.end += 1;
+        while end < cells.len() && belongs(end) {
+            end += 1;
         }
-        let area: f64 = range.clone().map(|cell| cells.patch(cell).area()).sum();
+        let area: f64 = (start..end).map(|cell| cells.patch(cell).area()).sum();
         let weights = |cell: usize| {
             let patch = cells.patch(cell);
             let mass = mean_mass(cells.element(cell), Some(&patch));
             (cell as u32, mass.map(|row| row.iter().sum::<f64>() * patch.area() / area))
         };
         let power: f64 = strong.iter().map(|&c| params.strengths[c as usize] * cells.patch(c as usize).area()).sum();
-        Some(Self { panel, strength: power / area, cells: range.map(weights).collect() })
+        Some(Self { panel, strength: power / area, cells: (start..end).map(weights).collect() })
     }
 
     fn power(&self) -> f64 {

@@ -250,12 +250,11 @@ impl Sampled {
     fn row(&self, cell: usize, index: usize, source: &Source, take: Take, work: &mut Work) {
         let (table, bands, k) = (self.table(cell), source.x.bands, self.rays as usize);
         let mut cast = std::mem::take(&mut work.hits);
-        let hits = match self.stored.get(cell / CHUNK) {
-            Some(stored) => &stored[index * k..(index + 1) * k],
-            None => {
-                self.tracer.trace(&self.cells, cell, &table.points, &mut cast);
-                &cast[..]
-            }
+        let hits = if let Some(stored) = self.stored.get(cell / CHUNK) {
+            &stored[index * k..(index + 1) * k]
+        } else {
+            self.tracer.trace(&self.cells, cell, &table.points, &mut cast);
+            &cast[..]
         };
         let meets_lamp = self.bring_back(hits, source, work);
         let patch = self.cells.patch(cell);
