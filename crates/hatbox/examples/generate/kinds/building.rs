@@ -9,7 +9,7 @@ const WALL: f64 = 0.2;
 const DOOR: [f64; 2] = [1.0, 2.1];
 const STAIRS: [[f64; 2]; 2] = [[0.5, 1.7], [0.5, 1.9]];
 /// Triangles of a room with its furniture.
-const PER_ROOM: usize = 100;
+const PER_ROOM: usize = 105;
 
 /// Faces by what they are made of.
 #[derive(Default)]

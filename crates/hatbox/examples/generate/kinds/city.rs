@@ -1,11 +1,11 @@
 //! A city block: houses of several steps on a ground, under an overcast sky, which is a glowing box around everything.
 
-use super::{Inside, Model, Sheet, TOP, block, chance, matte};
+use super::{Inside, Model, Sheet, chance, matte, standing};
 use glam::DVec3;
 
 const LOT: f64 = 20.0;
 /// Triangles of a house.
-const PER_HOUSE: usize = 30;
+const PER_HOUSE: usize = 36;
 
 pub(super) fn make(elements: usize) -> Model {
     let n = (((elements / PER_HOUSE) as f64).sqrt().round() as usize).max(2);
@@ -20,7 +20,7 @@ pub(super) fn make(elements: usize) -> Model {
         let mut width = 12.0;
         for step in 0..3 {
             let height = 4.0 + 10.0 * chance(5 + step, k);
-            faces.extend(block(base, base + DVec3::new(width, height, width), TOP, 0.0));
+            faces.extend(standing(base, base + DVec3::new(width, height, width)));
             base += DVec3::new(1.5, height, 1.5);
             width -= 3.0;
         }

@@ -1,6 +1,6 @@
 //! A closed box with a lamp, full of small blocks in the air, each turned at random and apart from the others.
 
-use super::{BOTH, Inside, Model, Sheet, block, chance, lamp, matte};
+use super::{Inside, Model, Sheet, block, chance, lamp, matte};
 use glam::DVec3;
 
 const SIDE: f64 = 4.0;
@@ -16,7 +16,7 @@ pub(super) fn make(elements: usize) -> Model {
         let half = DVec3::new(chance(21, k), chance(22, k), chance(23, k)) * 0.15 + 0.1;
         let (center, half) = (cell * pitch, half * pitch);
         let angle = 0.05 + 1.4 * chance(24, k);
-        colours[k % 3].extend(block(center - half, center + half, BOTH, angle));
+        colours[k % 3].extend(block(center - half, center + half, angle));
     }
     let inside = Inside::new(DVec3::ZERO, DVec3::splat(SIDE));
     let at = [1.6, 2.4];

@@ -121,38 +121,34 @@ impl Inside {
     }
 }
 
-/// Which horizontal sides an object has.
-#[derive(Clone, Copy)]
-struct Ends {
-    bottom: bool,
-    top: bool,
-}
-
-const BOTH: Ends = Ends { bottom: true, top: true };
-const TOP: Ends = Ends { bottom: false, top: true };
-const NEITHER: Ends = Ends { bottom: false, top: false };
+/// What stands on something is this far above it, in metres: where a block without a bottom stood on a floor, the floor
+/// beneath would see its backs.
+const GAP: f64 = 0.002;
 
 /// A block, lit outside, turned by an angle about the upright line through its middle.
-fn block(lo: DVec3, hi: DVec3, ends: Ends, angle: f64) -> Vec<Face> {
+fn block(lo: DVec3, hi: DVec3, angle: f64) -> Vec<Face> {
     let inside = Inside::new(lo, hi);
-    let sides = inside.walls.iter().map(Sheet::whole);
-    let bottom = ends.bottom.then(|| inside.floor.whole());
-    let top = ends.top.then(|| inside.ceiling.whole());
+    let sides = inside.walls.iter().map(Sheet::whole).chain([inside.floor.whole(), inside.ceiling.whole()]);
     let middle = lo.midpoint(hi);
     let turn = |p: DVec3| middle + glam::DQuat::from_rotation_y(angle) * (p - middle);
     let outwards = |[a, b, c, d]: Face| if angle == 0.0 { [a, d, c, b] } else { [a, d, c, b].map(turn) };
-    sides.chain(bottom).chain(top).map(outwards).collect()
+    sides.map(outwards).collect()
+}
+
+/// A block that stands on something at the height of `lo`.
+fn standing(lo: DVec3, hi: DVec3) -> Vec<Face> {
+    block(lo + DVec3::Y * GAP, hi, 0.0)
 }
 
 /// A table that stands on the floor at y: a plate on four legs.
 fn table(center: DVec3, size: [f64; 2], height: f64) -> Vec<Face> {
     let (half, plate, leg) = (DVec3::new(size[0] / 2.0, 0.0, size[1] / 2.0), 0.04, 0.06);
     let top = center + DVec3::Y * height;
-    let mut faces = block(top - half - DVec3::Y * plate, top + half, BOTH, 0.0);
+    let mut faces = block(top - half - DVec3::Y * plate, top + half, 0.0);
     for (sx, sz) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
         let foot = center + DVec3::new(sx * (half.x - leg), 0.0, sz * (half.z - leg));
         let half = DVec3::new(leg / 2.0, 0.0, leg / 2.0);
-        faces.extend(block(foot - half, foot + half + DVec3::Y * (height - plate), NEITHER, 0.0));
+        faces.extend(standing(foot - half, foot + half + DVec3::Y * (height - plate - GAP)));
     }
     faces
 }

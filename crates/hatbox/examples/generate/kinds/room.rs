@@ -1,26 +1,26 @@
 //! A living room: a table with chairs, a bed, and shelves along two walls that are the fuller the more elements there
 //! are to be.
 
-use super::{BOTH, Face, Inside, Model, TOP, block, chance, lamp, matte, table};
+use super::{Face, Inside, Model, block, chance, lamp, matte, standing, table};
 use glam::DVec3;
 
 const LOW: DVec3 = DVec3::ZERO;
 const HIGH: DVec3 = DVec3::new(6.0, 2.8, 4.5);
 /// Triangles without the books.
-const BARE: usize = 420;
+const BARE: usize = 440;
 const BOARDS: usize = 5;
 
 pub(super) fn make(elements: usize) -> Model {
     let inside = Inside::new(LOW, HIGH);
     let lamp_at = ([2.6, 3.4], [1.9, 2.5]);
-    let books = elements.saturating_sub(BARE) / 10;
+    let books = elements.saturating_sub(BARE) / 12;
     let (boards, books) = shelf(books);
     let mut wood = table(DVec3::new(3.0, 0.0, 2.2), [1.6, 0.9], 0.74);
     for (x, z) in [(2.6, 1.5), (3.4, 1.5), (2.6, 2.9), (3.4, 2.9)] {
         wood.extend(chair(DVec3::new(x, 0.0, z)));
     }
     wood.extend(boards);
-    let bed = block(DVec3::new(4.6, 0.0, 0.1), DVec3::new(5.8, 0.5, 2.1), TOP, 0.0);
+    let bed = standing(DVec3::new(4.6, 0.0, 0.1), DVec3::new(5.8, 0.5, 2.1));
     let mut books = books;
     let third = books.split_off(books.len() / 2);
     Model {
@@ -45,7 +45,7 @@ fn chair(at: DVec3) -> Vec<Face> {
     let mut faces = table(at, [0.42, 0.42], 0.45);
     let z = if at.z < 2.2 { -0.21 } else { 0.17 };
     let back = at + DVec3::new(-0.21, 0.5, z);
-    faces.extend(block(back, back + DVec3::new(0.42, 0.45, 0.04), BOTH, 0.0));
+    faces.extend(block(back, back + DVec3::new(0.42, 0.45, 0.04), 0.0));
     faces
 }
 
@@ -55,7 +55,7 @@ fn shelf(books: usize) -> (Vec<Face>, Vec<Face>) {
     let height = |board: usize| 0.3 + 0.42 * board as f64;
     let plate = |board: usize| {
         let lo = DVec3::new(gap, height(board), 0.3);
-        block(lo, DVec3::new(depth, lo.y + 0.03, 4.2), BOTH, 0.0)
+        block(lo, DVec3::new(depth, lo.y + 0.03, 4.2), 0.0)
     };
     let per_board = books.div_ceil(BOARDS).max(1);
     let width = 3.8 / per_board as f64;
@@ -64,7 +64,7 @@ fn shelf(books: usize) -> (Vec<Face>, Vec<Face>) {
         let lo = DVec3::new(gap + 0.02, height(board) + 0.03, 0.35 + width * place as f64);
         let size =
             DVec3::new(0.15 + 0.08 * chance(1, k), 0.2 + 0.15 * chance(2, k), width * (0.6 + 0.35 * chance(3, k)));
-        block(lo, lo + size, TOP, 0.0)
+        standing(lo, lo + size)
     };
     ((0..BOARDS).flat_map(plate).collect(), (0..books).flat_map(book).collect())
 }

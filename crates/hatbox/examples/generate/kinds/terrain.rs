@@ -23,7 +23,7 @@ pub(super) fn make(elements: usize) -> Model {
     // A box whose one side shines, so that its back is not seen.
     let sun = DVec3::new(-330.0, 150.0, 100.0);
     let around = Inside::new(sun - DVec3::splat(12.0), sun + DVec3::splat(12.0));
-    let mut dark: Vec<Face> = super::block(sun - DVec3::splat(12.0), sun + DVec3::splat(12.0), super::BOTH, 0.0);
+    let mut dark: Vec<Face> = super::block(sun - DVec3::splat(12.0), sun + DVec3::splat(12.0), 0.0);
     let bright = around.walls[1].whole();
     dark.retain(|face| face.iter().any(|p| p.x < sun.x + 11.0));
     let [a, b, c, d] = bright;
