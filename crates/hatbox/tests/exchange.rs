@@ -1,5 +1,6 @@
 //! What every kind of exchange operator must do, whichever way it gets there.
 
+#[allow(dead_code, reason = "other tests use the rest")]
 mod meshes;
 
 use glam::DVec3;
