@@ -44,7 +44,7 @@ struct Lamp {
 /// The lamps of a scene.
 #[derive(Debug)]
 pub(super) struct Lamps {
-    lamps: Vec<Lamp>,
+    all: Vec<Lamp>,
     /// The lamp of each cell of one.
     of_cell: BTreeMap<u32, u32>,
     seed: u64,
@@ -98,7 +98,7 @@ impl Lamps {
         let numbered = lamps.iter().enumerate();
         let of_cell =
             numbered.flat_map(|(k, lamp)| lamp.cells.iter().map(move |&(cell, _)| (cell, k as u32))).collect();
-        Self { lamps, of_cell, seed: params.seed ^ 0x006c_616d_7073 }
+        Self { all: lamps, of_cell, seed: params.seed ^ 0x006c_616d_7073 }
     }
 
     /// The lamp that a cell belongs to.
@@ -108,8 +108,8 @@ impl Lamps {
 
     /// The means over each lamp of a function, for every band.
     pub(super) fn means(&self, cells: &Cells, x: &crate::linalg::MultiVector) -> Vec<f64> {
-        let mut means = Vec::with_capacity(self.lamps.len() * x.bands());
-        for lamp in &self.lamps {
+        let mut means = Vec::with_capacity(self.all.len() * x.bands());
+        for lamp in &self.all {
             for band in x.iter_bands() {
                 let share = |(cell, weights): &(u32, [f64; MAX_DOFS])| -> f64 {
                     band[cells.range(*cell as usize)].iter().zip(weights).map(|(x, w)| x * w).sum()
@@ -158,9 +158,9 @@ impl Lamps {
         blockers: &Bvh,
         mut give: impl FnMut(u32, f64),
     ) -> u64 {
-        let total: f64 = self.lamps.iter().map(|lamp| lamp.most(x, n)).sum();
+        let total: f64 = self.all.iter().map(|lamp| lamp.most(x, n)).sum();
         let mut rays = 0;
-        for (k, lamp) in self.lamps.iter().enumerate() {
+        for (k, lamp) in self.all.iter().enumerate() {
             let most = lamp.most(x, n);
             if most <= 0.0 || lamp.panel.surface == surface {
                 continue;
@@ -249,7 +249,7 @@ impl Lamp {
             return 0.0;
         }
         let area = self.panel.area();
-        self.strength * FRAC_1_PI * area * at_x.min(1.0) * at_y.max(0.05).min(1.0) / distance2.max(area)
+        self.strength * FRAC_1_PI * area * at_x.min(1.0) * at_y.clamp(0.05, 1.0) / distance2.max(area)
     }
 }
 

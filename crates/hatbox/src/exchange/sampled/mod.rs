@@ -316,7 +316,9 @@ impl Sampled {
         let entries = &entries[first[index] as usize..first[index + 1] as usize];
         for (k, fit) in work.fit.chunks_exact_mut(bands).enumerate() {
             let seen: f64 = entries.iter().map(|entry| f64::from(entry.values[k])).sum();
-            fit.iter_mut().for_each(|fit| *fit *= 1.0 - seen);
+            for fit in fit.iter_mut() {
+                *fit *= 1.0 - seen;
+            }
             for entry in entries {
                 let means = &means[entry.lamp as usize * bands..];
                 fit.iter_mut().zip(means).for_each(|(fit, mean)| *fit += f64::from(entry.values[k]) * mean);
@@ -485,7 +487,9 @@ impl Exchange for Sampled {
         });
         let [first, second] = &mut halves;
         first.add_scaled(-1.0, second);
-        first.as_mut_slice().iter_mut().for_each(|entry| *entry *= 0.5);
+        for entry in first.as_mut_slice() {
+            *entry *= 0.5;
+        }
         Some(std::mem::replace(first, MultiVector::zeros(0, 1)))
     }
 
