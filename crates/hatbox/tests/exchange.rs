@@ -1,5 +1,7 @@
 //! What every kind of exchange operator must do, whichever way it gets there.
 
+#![expect(clippy::float_cmp, reason = "exact zeros are meant exactly")]
+
 #[allow(dead_code, reason = "other tests use the rest")]
 mod meshes;
 
