@@ -71,6 +71,12 @@ pub(crate) struct SolveArgs {
     /// How the exchange of light between elements is kept
     #[arg(long, default_value = options::AUTO, value_parser = operators())]
     pub(crate) operator: String,
+    /// Most memory that the exchange operator may store, such as 4G or 500M
+    ///
+    /// What does not fit is computed again when it is needed, where the operator can do that (`sampled`), or refused
+    /// (`dense`). Scene and solution come on top.
+    #[arg(long, value_name = "BYTES", default_value = options::MEMORY, value_parser = options::size)]
+    pub(crate) memory: u64,
     #[command(flatten)]
     pub(crate) mesh: MeshArgs,
     /// How the equations are solved

@@ -17,7 +17,10 @@ use hatbox::view_factors::{self, Between, ClosureMethodKind};
 use hatbox::{exchange, solve};
 
 /// The word that leaves a choice to the library.
-pub(crate) const AUTO: &str = "auto";
+pub(crate) const AUTO: &str = exchange::AUTO.name;
+
+/// [`exchange::MEMORY`], as it is typed.
+pub(crate) const MEMORY: &str = "16GiB";
 
 /// Vertical field of view of a camera that does not say, in degrees.
 const FIELD_OF_VIEW: f64 = 40.0;
@@ -42,6 +45,7 @@ pub(crate) fn solve(args: &SolveArgs) -> Options {
         operator: exchange::kind(&args.operator).unwrap_or(defaults.operator),
         solver: solve::ALL.iter().find(|solver| solver.name == args.solver).map(|solver| solver.kind),
         seed: args.run.seed,
+        memory: args.memory as usize,
         error_points: defaults.error_points,
     }
 }
@@ -233,6 +237,7 @@ mod tests {
     fn sizes_have_prefixes() {
         assert_eq!([size("4G"), size("4e9"), size("4000 MB")], [const { Ok(4_000_000_000) }; 3]);
         assert_eq!([size("2GiB"), size("2097152KiB")], [const { Ok(1 << 31) }; 2]);
+        assert_eq!(size(MEMORY), Ok(exchange::MEMORY as u64));
         for wrong in ["", "G", "4X", "-1G", "0", "nan", "4 GG"] {
             assert!(size(wrong).is_err(), "{wrong}");
         }

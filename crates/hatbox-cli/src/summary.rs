@@ -113,22 +113,29 @@ fn light(lines: &mut Lines, report: &Report) {
 
 fn operator(lines: &mut Lines, report: &Report) {
     let operator = &report.operator;
-    let clear = operator.clear_pairs as f64 / operator.pairs.max(1) as f64;
+    let pairs = if operator.pairs > 0 {
+        let clear = operator.clear_pairs as f64 / operator.pairs as f64;
+        format!("{} pairs ({} proven clear), ", count(operator.pairs), percent(clear))
+    } else {
+        String::new()
+    };
     lines.line(
         "Operator",
         &format!(
-            "{}, {} pairs ({} proven clear), {} rays, {}, {}",
+            "{}, {pairs}{} rays, {}, {}, norm {:.4}",
             operator.kind,
-            count(operator.pairs),
-            percent(clear),
             count(operator.rays),
             bytes(operator.bytes as u64),
-            seconds(operator.seconds)
+            seconds(operator.seconds),
+            operator.norm
         ),
     );
+    if let Some(reason) = &operator.reason {
+        lines.more(&format!("chosen because {reason}"));
+    }
     let closure = &report.closure;
     if closure.escape == 0.0 {
-        let balanced = if closure.balanced { ", balanced away" } else { "" };
+        let balanced = if closure.balanced && closure.deficit > 1e-9 { ", balanced away" } else { "" };
         lines.more(&format!("closed scene; row sums were off by up to {}{balanced}", percent(closure.deficit)));
     }
 }

@@ -18,6 +18,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::TAU;
+use std::sync::{Arc, OnceLock};
 
 /// Rays from each face, whenever it looks around.
 const RAYS: u32 = 256;
@@ -91,11 +92,11 @@ impl Lighting {
     /// Finds where the light of a scene goes; `None` for what is no scene of elements.
     pub fn of(scene: &Scene) -> Option<Self> {
         let space = FunctionSpace::broken(&scene.mesh, &ALL[0]).ok()?;
-        let panels = Panel::of(&scene.mesh, &space);
-        let blockers = Bvh::of_surfaces(&scene.surfaces);
-        let sides = Sides::of(scene, &panels, &blockers);
-        let geometry = Geometry { panels: &panels, surfaces: &scene.surfaces, blockers: &blockers };
-        let escape = escape(&geometry, scene, 0, &Silent).ok()?;
+        let (panels, blockers) = (OnceLock::new(), Arc::new(Bvh::of_surfaces(&scene.surfaces)));
+        let geometry = Geometry::new(scene, &space, &blockers, &panels);
+        let panels = geometry.panels();
+        let sides = Sides::of(scene, panels, &blockers);
+        let escape = escape(&geometry, 0, &Silent).ok()?;
         let lit = sides.lit();
         let dark: Vec<usize> = (0..panels.len()).filter(|&cell| !lit[sides.of_cell[cell]]).collect();
         let area = |cells: &[usize]| cells.iter().map(|&cell| panels[cell].area()).sum::<f64>();

@@ -55,6 +55,10 @@ pub struct SceneReport {
 pub struct OperatorReport {
     /// Its kind.
     pub kind: &'static str,
+    /// Why that kind was chosen; `None` if it was asked for.
+    pub reason: Option<String>,
+    /// The norm of Δ^-½ S Δ^-½ from below: at most 1 but for the operator's error.
+    pub norm: f64,
     /// Memory of its coefficients.
     pub bytes: usize,
     /// Rays cast.
@@ -186,6 +190,8 @@ fn operator(solved: &Solved) -> OperatorReport {
     let statistics = &solved.operator;
     OperatorReport {
         kind: solved.operator_kind,
+        reason: solved.operator_reason.clone(),
+        norm: solved.operator_norm,
         bytes: statistics.bytes,
         rays: statistics.rays,
         pairs: statistics.pairs,

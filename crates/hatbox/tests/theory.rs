@@ -18,6 +18,7 @@ use hatbox::solve::ALL as SOLVERS;
 use hatbox::space::{Continuity, FunctionSpace};
 use hatbox::visibility::Bvh;
 use std::f64::consts::SQRT_2;
+use std::sync::{Arc, OnceLock};
 
 fn cube(materials: Vec<Material>, of_face: impl Fn(usize) -> u32) -> Scene {
     let mut mesh = meshes::room(DVec3::ONE, |_| false);
@@ -28,9 +29,8 @@ fn cube(materials: Vec<Material>, of_face: impl Fn(usize) -> u32) -> Scene {
 }
 
 fn dense(scene: &Scene, space: &FunctionSpace, tolerance: f64) -> Dense {
-    let panels = Panel::of(&scene.mesh, space);
-    let blockers = Bvh::of_surfaces(&scene.surfaces);
-    let geometry = Geometry { panels: &panels, surfaces: &scene.surfaces, blockers: &blockers };
+    let (panels, blockers) = (OnceLock::new(), Arc::new(Bvh::of_surfaces(&scene.surfaces)));
+    let geometry = Geometry::new(scene, space, &blockers, &panels);
     Dense::new(&geometry, &exchange::Params::new(tolerance), &Silent).expect("small enough")
 }
 

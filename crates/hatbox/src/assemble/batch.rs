@@ -9,9 +9,9 @@
 //! Four kernel values share one division, which is what the processor is slowest at: a/p + b/q is (aq + bp)/(pq).
 //! And the panels are flat, so that of G = cosθ_a r · cosθ_b r / (π r⁴) only r depends on both points.
 
-use super::pair::{a_priori_error_factors, FLAT};
-use super::panel::{LADDER, Panel};
 use super::Accuracy;
+use super::pair::{FLAT, a_priori_error_factors};
+use super::panel::{LADDER, Panel};
 use crate::element::{Element, MAX_DOFS};
 use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, PI};

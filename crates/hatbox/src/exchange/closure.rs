@@ -7,8 +7,10 @@
 //! for quadratics, whose vertex functions have the mean 0, a diagonal matrix would not do.
 
 use super::{Exchange, Geometry, Statistics};
-use crate::assemble::{Panel, function_weighted_mass};
+use crate::assemble::function_weighted_mass;
+use crate::element::Shape;
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
+use crate::mesh::Patch;
 use crate::progress::{Interrupted, Progress, Silent};
 use crate::quadrature::sequence::{hash, point};
 use crate::scene::Scene;
@@ -21,7 +23,7 @@ use std::f64::consts::TAU;
 /// A scene is scaled only where the row sums are off by less than this; larger deficits are an error to be found.
 const GREATEST_DEFICIT: f64 = 0.05;
 /// Rays per cell that look for a way out, at the least.
-const ESCAPE_RAYS: u32 = 64;
+const ESCAPE_RAYS: u32 = 16;
 /// Rays of all cells together, at the least: if none gets out, less than 3/200 000 of the light does (95 %).
 const ALL_ESCAPE_RAYS: usize = 200_000;
 /// Relative error of the row sums up to which S counts as balanced.
@@ -104,8 +106,12 @@ impl Balanced {
         target: &MultiVector,
     ) {
         let ones = MultiVector::uniform(target.rows(), &[1.0]);
-        let mut epsilon = MultiVector::zeros(target.rows(), 1);
         let norm = target.norms()[0];
+        self.closure.balanced = self.deviation(target) <= BALANCED * norm;
+        if self.closure.balanced || !self.exchange.is_symmetric() {
+            return;
+        }
+        let mut epsilon = MultiVector::zeros(target.rows(), 1);
         for _ in 0..ROUNDS {
             let mut residual = target.clone();
             residual.add_scaled(-1.0, &self.times(&ones));
@@ -121,12 +127,17 @@ impl Balanced {
             let weighted = function_weighted_mass(scene, space, epsilon.band(0));
             self.scaling = Some(Scaling { mass_inverse: mass_inverse.clone(), weighted });
         }
-        let mut residual = target.clone();
-        residual.add_scaled(-1.0, &self.times(&ones));
-        self.closure.balanced = residual.norms()[0] <= BALANCED * norm;
+        self.closure.balanced = self.deviation(target) <= BALANCED * norm;
         if !self.closure.balanced {
             self.scaling = None;
         }
+    }
+
+    /// ‖S 1 − Δ 1‖.
+    fn deviation(&self, target: &MultiVector) -> f64 {
+        let mut residual = target.clone();
+        residual.add_scaled(-1.0, &self.times(&MultiVector::uniform(target.rows(), &[1.0])));
+        residual.norms()[0]
     }
 }
 
@@ -165,8 +176,33 @@ impl LinearOperator for Balanced {
 }
 
 impl Exchange for Balanced {
+    fn kind(&self) -> &'static str {
+        self.exchange.kind()
+    }
+
     fn statistics(&self) -> Statistics {
         self.exchange.statistics()
+    }
+
+    fn is_symmetric(&self) -> bool {
+        self.exchange.is_symmetric()
+    }
+
+    fn escape(&self) -> Option<f64> {
+        self.exchange.escape()
+    }
+
+    // Only symmetric operators are scaled, and only others are noisy.
+    fn steady(&self, x: &MultiVector) -> Option<MultiVector> {
+        self.exchange.steady(x)
+    }
+
+    fn spread(&self, x: &MultiVector) -> Option<MultiVector> {
+        self.exchange.spread(x)
+    }
+
+    fn irradiance(&self, cell: usize, at: [f64; 2], x: &MultiVector, seed: u64) -> Option<Vec<f64>> {
+        self.exchange.irradiance(cell, at, x, seed)
     }
 }
 
@@ -179,43 +215,45 @@ fn cell_deficit(space: &FunctionSpace, target: &MultiVector, sums: &MultiVector)
     (0..space.cells()).map(deficit).fold(0.0, f64::max)
 }
 
-/// The fraction of the light of uniformly glowing panels that leaves the scene: [`escapes`], weighted by area.
+/// The fraction of the light of uniformly glowing cells that leaves the scene: [`escapes`], weighted by area.
 ///
 /// # Errors
 /// [`Interrupted`].
-pub fn escape(geometry: &Geometry<'_>, scene: &Scene, seed: u64, progress: &dyn Progress) -> Result<f64, Interrupted> {
-    let fractions = escapes(geometry, scene, 0, seed, progress)?;
-    let area: f64 = geometry.panels.iter().map(Panel::area).sum();
-    let lost: f64 = geometry.panels.iter().zip(fractions).map(|(panel, fraction)| panel.area() * fraction).sum();
+pub fn escape(geometry: &Geometry<'_>, seed: u64, progress: &dyn Progress) -> Result<f64, Interrupted> {
+    let fractions = escapes(geometry, 0, seed, progress)?;
+    let mesh = &geometry.scene.mesh;
+    let lost: f64 = fractions.iter().enumerate().map(|(cell, fraction)| mesh.patch(cell).area() * fraction).sum();
+    let area = mesh.area();
     Ok(if area > 0.0 { lost / area } else { 0.0 })
 }
 
-/// For each panel the fraction of cosine rays that hit nothing, or a side of a face that receives nothing. At least
+/// For each cell the fraction of cosine rays that hit nothing, or a side of a face that receives nothing. At least
 /// `rays` are cast from each.
 ///
 /// # Errors
 /// [`Interrupted`].
 pub fn escapes(
     geometry: &Geometry<'_>,
-    scene: &Scene,
     rays: u32,
     seed: u64,
     progress: &dyn Progress,
 ) -> Result<Vec<f64>, Interrupted> {
-    let receives = receiving_sides(scene);
-    let count = ALL_ESCAPE_RAYS.div_ceil(geometry.panels.len().max(1)).max(ESCAPE_RAYS as usize) as u32;
+    let mesh = &geometry.scene.mesh;
+    let receives = receiving_sides(geometry.scene);
+    let count = ALL_ESCAPE_RAYS.div_ceil(mesh.cells.len().max(1)).max(ESCAPE_RAYS as usize) as u32;
     let count = count.max(rays);
-    let lost = |(index, panel): (usize, &Panel)| {
-        let set = hash(seed ^ 0x6573_6361, index as u64);
+    let lost = |cell: usize| {
+        let (patch, surface) = (mesh.patch(cell), mesh.cells[cell].surface);
+        let set = hash(seed ^ 0x6573_6361, cell as u64);
         let escapes = |&k: &u32| {
-            let (origin, direction) = cosine_ray(panel, point(set, k));
-            let hit = geometry.blockers.closest_hit(origin, direction, f64::INFINITY, |id, _| id != panel.surface);
+            let (origin, direction) = cosine_ray(&patch, point(set, k));
+            let hit = geometry.blockers.closest_hit(origin, direction, f64::INFINITY, |id, _| id != surface);
             !hit.is_some_and(|hit| receives[hit.id as usize][usize::from(!hit.front)])
         };
         let escaped = (0..count).filter(escapes).count() as f64;
         if progress.interrupted() { Err(Interrupted) } else { Ok(escaped / f64::from(count)) }
     };
-    geometry.panels.par_iter().enumerate().map(lost).collect()
+    (0..mesh.cells.len()).into_par_iter().map(lost).collect()
 }
 
 /// Whether the front and the back of each face of the input receive light.
@@ -227,11 +265,15 @@ fn receiving_sides(scene: &Scene) -> Vec<[bool; 2]> {
     receives
 }
 
-/// A uniform point of a panel and a cosine-distributed direction from it.
-fn cosine_ray(panel: &Panel, [u, v, s, t]: [f64; 4]) -> (DVec3, DVec3) {
-    let normal = panel.normal();
+/// A uniform point of a cell and a cosine-distributed direction from it.
+fn cosine_ray(patch: &Patch, [u, v, s, t]: [f64; 4]) -> (DVec3, DVec3) {
+    let normal = patch.normal();
     let e1 = normal.any_orthonormal_vector();
     let (radius, angle) = (s.sqrt(), TAU * t);
     let direction = e1 * (radius * angle.cos()) + normal.cross(e1) * (radius * angle.sin()) + normal * (1.0 - s).sqrt();
-    (panel.sample(u, v), direction)
+    let at = match patch.shape() {
+        Shape::Triangle => [v.sqrt() * (1.0 - u), v.sqrt() * u],
+        Shape::Quad => [u, v],
+    };
+    (patch.point(at), direction)
 }

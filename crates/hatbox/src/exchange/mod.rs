@@ -1,20 +1,30 @@
 //! The exchange operator S_ij = ∬ N_i N_j G V: how surfaces see each other, and nothing of what they are made of.
 //!
 //! S is symmetric (that is reciprocity), knows no bands and no reflectances, and so is shared by all bands, by every
-//! relighting and by every repainting. Kinds of operator stand behind one trait and in one list, [`ALL`].
+//! relighting and by every repainting. Kinds of operator stand behind one trait and in one list, [`ALL`]. A sampled
+//! operator is symmetric only in the limit of many rays; it says so ([`Exchange::is_symmetric`]), and the solver is chosen
+//! accordingly.
 
+mod choice;
 mod closure;
 mod dense;
+mod norm;
+mod sampled;
 mod tree;
 
+pub use choice::{AUTO, choose};
 pub use closure::{Balanced, Closure, escape, escapes};
 pub use dense::Dense;
+pub use norm::norm;
+pub use sampled::Sampled;
 
 use crate::assemble::Panel;
-use crate::linalg::LinearOperator;
+use crate::linalg::{LinearOperator, MultiVector};
 use crate::progress::{Interrupted, Progress};
-use crate::scene::Surface;
+use crate::scene::{Scene, Surface};
+use crate::space::FunctionSpace;
 use crate::visibility::Bvh;
+use std::sync::{Arc, OnceLock};
 
 /// What an operator cost and how far it may be wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -40,10 +50,41 @@ impl Statistics {
     }
 }
 
-/// S applied to coefficients of the broken space: symmetric, in m².
+/// S applied to coefficients of the broken space, in m².
 pub trait Exchange: LinearOperator + Send {
+    /// Name of its kind.
+    fn kind(&self) -> &'static str;
+
     /// What it cost and how far it may be wrong.
     fn statistics(&self) -> Statistics;
+
+    /// Whether S = Sᵀ to rounding.
+    fn is_symmetric(&self) -> bool {
+        true
+    }
+
+    /// The fraction of the light of uniformly glowing cells that leaves the scene, if rays have measured it.
+    fn escape(&self) -> Option<f64> {
+        None
+    }
+
+    /// The part of S x that has no noise from cell to cell, if the other part has: light from lamps, whose shadows have
+    /// edges. `None` where S x has none at all.
+    fn steady(&self, _x: &MultiVector) -> Option<MultiVector> {
+        None
+    }
+
+    /// Half the difference of S x as two independent halves of the samples have it: a sample of the error of S x.
+    /// `None` where nothing is sampled.
+    fn spread(&self, _x: &MultiVector) -> Option<MultiVector> {
+        None
+    }
+
+    /// The irradiance at one point of a cell (reference coordinates `at`) per band, gathered with rays of its own that
+    /// `seed` chooses; `None` if the operator cannot do that.
+    fn irradiance(&self, _cell: usize, _at: [f64; 2], _x: &MultiVector, _seed: u64) -> Option<Vec<f64>> {
+        None
+    }
 }
 
 /// How an operator is to be built.
@@ -58,12 +99,17 @@ pub struct Params {
     pub max_rays: u32,
     /// Seed of all sampling.
     pub seed: u64,
+    /// Most bytes that the operator may store. An operator that can do with less does; one that cannot is not built.
+    pub memory: usize,
 }
+
+/// Bytes that an operator may store unless told otherwise.
+pub const MEMORY: usize = 16 << 30;
 
 impl Params {
     /// τ, all panels counting alike.
     pub fn new(tolerance: f64) -> Self {
-        Self { tolerance, strengths: Vec::new(), max_rays: 1 << 14, seed: 0 }
+        Self { tolerance, strengths: Vec::new(), max_rays: 1 << 14, seed: 0, memory: MEMORY }
     }
 
     /// The strength of one panel.
@@ -98,12 +144,32 @@ pub enum ExchangeError {
 /// What exchanges light, and what stands between.
 #[derive(Clone, Copy)]
 pub struct Geometry<'a> {
-    /// The panels; those of one face of the input follow each other.
-    pub panels: &'a [Panel],
+    /// The scene, subdivided.
+    pub scene: &'a Scene,
+    /// The space on its cells.
+    pub space: &'a FunctionSpace,
     /// The faces of the input, indexed by [`Panel::surface`].
     pub surfaces: &'a [Surface],
     /// The same faces, to cast rays at.
-    pub blockers: &'a Bvh,
+    pub blockers: &'a Arc<Bvh>,
+    panels: &'a OnceLock<Vec<Panel>>,
+}
+
+impl<'a> Geometry<'a> {
+    /// `panels` is filled when an operator first asks for them: they take two kilobytes each, and rays do without.
+    pub fn new(
+        scene: &'a Scene,
+        space: &'a FunctionSpace,
+        blockers: &'a Arc<Bvh>,
+        panels: &'a OnceLock<Vec<Panel>>,
+    ) -> Self {
+        Self { scene, space, surfaces: &scene.surfaces, blockers, panels }
+    }
+
+    /// The panels; those of one face of the input follow each other.
+    pub fn panels(&self) -> &'a [Panel] {
+        self.panels.get_or_init(|| Panel::of(&self.scene.mesh, self.space))
+    }
 }
 
 /// Builds an operator.
@@ -121,13 +187,20 @@ pub struct Kind {
 }
 
 /// Every kind of operator.
-pub const ALL: &[Kind] = &[Kind {
-    name: "dense",
-    summary: "all pairs, stored; the reference, up to about 20 000 unknowns",
-    build: |geometry, params, progress| Ok(Box::new(Dense::new(geometry, params, progress)?)),
-}];
+pub const ALL: &[Kind] = &[
+    Kind {
+        name: Dense::NAME,
+        summary: "all pairs, stored; the reference, up to about 20 000 unknowns",
+        build: |geometry, params, progress| Ok(Box::new(Dense::new(geometry, params, progress)?)),
+    },
+    Kind {
+        name: Sampled::NAME,
+        summary: "cosine rays from every element and exact light from lamps; time and memory grow like the elements",
+        build: |geometry, params, progress| Ok(Box::new(Sampled::new(geometry, params, progress)?)),
+    },
+];
 
-/// The kind of that name; `auto` is the best for the number of unknowns.
+/// The kind of that name; `auto` is [`AUTO`].
 pub fn kind(name: &str) -> Option<&'static Kind> {
-    if name == "auto" { ALL.first() } else { ALL.iter().find(|kind| kind.name == name) }
+    if name == AUTO.name { Some(&AUTO) } else { ALL.iter().find(|kind| kind.name == name) }
 }

@@ -152,10 +152,9 @@ fn cluster(panels: &[Panel], members: &[u32], start: usize, flat: bool) -> Clust
     let corners = || members.iter().flat_map(|&k| panels[k as usize].patch.corners().iter().copied());
     let hull = match plane {
         Some((origin, normal)) => polygon_around(origin, normal, corners()),
-        None => Body::cuboid(
-            corners().fold(DVec3::INFINITY, DVec3::min),
-            corners().fold(DVec3::NEG_INFINITY, DVec3::max),
-        ),
+        None => {
+            Body::cuboid(corners().fold(DVec3::INFINITY, DVec3::min), corners().fold(DVec3::NEG_INFINITY, DVec3::max))
+        }
     };
     let shortest = members.iter().map(|&k| panels[k as usize].longest_edge()).fold(f64::INFINITY, f64::min);
     Cluster { range: start..start + members.len(), children: 0..0, hull, plane, flat: FLAT * shortest }
@@ -219,7 +218,10 @@ mod tests {
             patches.push(quad(DVec3::new(i, j, 0.0), 0.0));
             patches.push(quad(DVec3::new(i, j, 3.0), 0.01 * (i * n as f64 + j)));
         }
-        patches.into_iter().map(|patch| Panel::new(patch, ALL[0].element(Shape::Quad).expect("constants"), [0; 4], 0)).collect()
+        patches
+            .into_iter()
+            .map(|patch| Panel::new(patch, ALL[0].element(Shape::Quad).expect("constants"), [0; 4], 0))
+            .collect()
     }
 
     #[test]
@@ -238,9 +240,11 @@ mod tests {
         assert_eq!(end, panels.len());
         assert!(tree.clusters.iter().all(|cluster| !cluster.is_leaf() || cluster.range.len() <= LEAF));
         for cluster in &tree.clusters {
-            let (lo, hi) = cluster.hull.corners().iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &c| {
-                (lo.min(c), hi.max(c))
-            });
+            let (lo, hi) = cluster
+                .hull
+                .corners()
+                .iter()
+                .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &c| (lo.min(c), hi.max(c)));
             for &k in &tree.order[cluster.range.clone()] {
                 let panel = &panels[k as usize];
                 for &corner in panel.patch.corners() {

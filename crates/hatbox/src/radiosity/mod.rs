@@ -17,4 +17,4 @@ mod system;
 pub use gather::Gather;
 pub use residual::{ErrorEstimate, estimate_error};
 pub use solution::{Shown, Solution};
-pub use system::{Energy, Error, Options, Solved, System, solve};
+pub use system::{Energy, Error, MaterialsError, Options, Solved, System, solve};

@@ -7,6 +7,8 @@
 //! dark scene amplifies its own errors more. What is reported is *estimated*, not certified.
 
 use super::{Shown, Solution, System};
+use crate::element::Shape;
+use crate::exchange::Exchange;
 use crate::progress::{Interrupted, Progress};
 use crate::quadrature::sequence::{hash, point};
 use crate::solve::Info;
@@ -41,10 +43,11 @@ pub fn estimate_error(
     progress: &dyn Progress,
 ) -> Result<ErrorEstimate, Interrupted> {
     let seed = hash(seed, 0x0065_7272_6f72);
-    let mut ends = Vec::with_capacity(system.panels.len());
+    let mesh = &system.scene.mesh;
+    let mut ends = Vec::with_capacity(mesh.cells.len());
     let mut area = 0.0;
-    for panel in &system.panels {
-        area += panel.area();
+    for cell in 0..mesh.cells.len() {
+        area += mesh.patch(cell).area();
         ends.push(area);
     }
     progress.begin("estimating the error", points as u64);
@@ -73,7 +76,7 @@ pub fn estimate_error(
         relative: residual / absorption.max(1e-3),
         residual,
         absorption,
-        operator: crate::exchange::Exchange::statistics(&system.exchange).error(),
+        operator: system.operator_error(solution),
         solver: info.residual,
     })
 }
@@ -83,10 +86,16 @@ fn residual_at(system: &System, solution: &Solution, ends: &[f64], k: u32, seed:
     let p = point(seed, k);
     let target = p[0] * ends.last().copied().unwrap_or(0.0);
     let cell = ends.partition_point(|&end| end <= target).min(ends.len().saturating_sub(1));
-    let panel = &system.panels[cell];
-    let x = panel.sample(p[1], p[2]);
-    let at = panel.patch.locate(x);
-    let e = system.gather(solution).irradiance(x, panel.normal(), panel.surface, hash(seed, u64::from(k)));
+    let patch = system.scene.mesh.patch(cell);
+    let at = match patch.shape() {
+        Shape::Triangle => [p[2].sqrt() * (1.0 - p[1]), p[2].sqrt() * p[1]],
+        Shape::Quad => [p[1], p[2]],
+    };
+    let set = hash(seed, u64::from(k));
+    let e = system.exchange.irradiance(cell, at, &solution.radiosity, set).unwrap_or_else(|| {
+        let surface = system.scene.mesh.cells[cell].surface;
+        system.gather(solution).irradiance(patch.point(at), patch.normal(), surface, set)
+    });
     let material = system.scene.material(cell);
     let site = system.scene.site(cell, at);
     let of = |(band, e): (usize, &f64)| {

@@ -6,15 +6,21 @@ use crate::exchange::{self, Balanced, Exchange, ExchangeError, Geometry, Statist
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
 use crate::mesh::{RefineError, Refinement};
 use crate::progress::Progress;
-use crate::scene::Scene;
+use crate::scene::{Material, Scene, SceneError};
 use crate::solve::{self, Info, SolveError, cg, gmres, neumann};
 use crate::space::{CREASE_ANGLE, Continuity, FunctionSpace, NoElement};
 use crate::visibility::Bvh;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// The solver always goes this far: beside building the operator it costs next to nothing, and power then balances to
 /// ten digits whatever the operator's tolerance.
 const SOLVER_TOLERANCE: f64 = 1e-11;
+/// An operator that is sampled errs by far more than this, and its products are most of the time.
+const SAMPLED_SOLVER_TOLERANCE: f64 = 1e-7;
+/// Steps of Arnoldi's method for the norm of the operator: an exact one costs little to apply, a sampled one has its
+/// greatest gain among the first.
+const NORM_STEPS: [usize; 2] = [12, 4];
 
 /// What a user chooses.
 #[derive(Debug, Clone, Copy)]
@@ -33,6 +39,8 @@ pub struct Options {
     pub solver: Option<solve::Kind>,
     /// Seed of all sampling.
     pub seed: u64,
+    /// Most bytes that the operator may store.
+    pub memory: usize,
     /// Points at which the error is estimated; 0 leaves it unknown.
     pub error_points: usize,
 }
@@ -45,9 +53,10 @@ impl Default for Options {
             continuity: Continuity::Continuous { crease_angle: CREASE_ANGLE },
             refinement: Refinement::Elements(3000),
             tolerance: 1e-2,
-            operator: &exchange::ALL[0],
+            operator: &exchange::AUTO,
             solver: None,
             seed: 0,
+            memory: exchange::MEMORY,
             error_points: 256,
         }
     }
@@ -71,6 +80,19 @@ pub enum Error {
     /// A cell is too thin for its integrals: its mass matrix is singular to rounding.
     #[error("an element has no area to rounding; remove slivers from the mesh (`hatbox check` lists them)")]
     Degenerate,
+}
+
+/// Why materials cannot take the place of others.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum MaterialsError {
+    /// The cells would have to be others.
+    #[error(
+        "the new materials are not as many as the old ones, or not two-sided where those are; solve the scene anew"
+    )]
+    Geometry,
+    /// One of them is impossible.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
 }
 
 /// Where the power went, per band, in lm or W.
@@ -110,6 +132,10 @@ pub struct Solved {
     pub closure: exchange::Closure,
     /// Name of the kind of operator.
     pub operator_kind: &'static str,
+    /// Why that kind was chosen, if it was not asked for.
+    pub operator_reason: Option<String>,
+    /// ‖Δ^-½ S Δ^-½‖, from below: at most 1 but for the operator's error.
+    pub operator_norm: f64,
     /// Time to subdivide the mesh and build it.
     pub operator_time: Duration,
     /// The solver that ran.
@@ -135,14 +161,17 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
     let params = exchange::Params {
         seed: options.seed,
         strengths: strengths(&scene),
+        memory: options.memory,
         ..exchange::Params::new(options.tolerance)
     };
+    let reason =
+        (options.operator.name == exchange::AUTO.name).then(|| exchange::choose(space.broken_dofs(), options.memory).1);
     let system = System::new(scene, space, options.operator, &params, progress)?;
     let operator_time = started.elapsed();
     let started = Instant::now();
     let kind = options.solver.unwrap_or_else(|| system.best_solver());
     let (solution, info) =
-        system.solve(kind, &solve::Params { tolerance: SOLVER_TOLERANCE, ..Default::default() }, progress)?;
+        system.solve(kind, &solve::Params { tolerance: system.solver_tolerance(), ..Default::default() }, progress)?;
     let solver_time = started.elapsed();
     let error = (options.error_points > 0)
         .then(|| estimate_error(&system, &solution, &info, options.error_points, options.seed, progress))
@@ -153,7 +182,9 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
         unknowns: system.space.dofs(),
         operator: system.exchange.statistics(),
         closure: system.exchange.closure,
-        operator_kind: options.operator.name,
+        operator_kind: system.exchange.kind(),
+        operator_reason: reason,
+        operator_norm: system.operator_norm(),
         operator_time,
         solver: kind,
         info,
@@ -189,8 +220,8 @@ pub struct System {
     pub space: FunctionSpace,
     /// S, balanced where the scene is closed.
     pub exchange: Balanced,
-    pub(super) panels: Vec<Panel>,
-    pub(super) blockers: Bvh,
+    panels: OnceLock<Vec<Panel>>,
+    blockers: Arc<Bvh>,
     strengths: Vec<f64>,
     join: Join,
     mass: BlockDiagonal,
@@ -210,13 +241,15 @@ impl System {
         params: &exchange::Params,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
-        let panels = Panel::of(&scene.mesh, &space);
-        let blockers = Bvh::of_surfaces(&scene.surfaces);
+        let (panels, blockers) = (OnceLock::new(), Arc::new(Bvh::of_surfaces(&scene.surfaces)));
         let mass = mass(&scene, &space);
         let mass_inverse = mass.inverse().ok_or(Error::Degenerate)?;
-        let geometry = Geometry { panels: &panels, surfaces: &scene.surfaces, blockers: &blockers };
+        let geometry = Geometry::new(&scene, &space, &blockers, &panels);
         let exchange = (kind.build)(&geometry, params, progress)?;
-        let escape = exchange::escape(&geometry, &scene, params.seed, progress).map_err(ExchangeError::from)?;
+        let escape = match exchange.escape() {
+            Some(escape) => escape,
+            None => exchange::escape(&geometry, params.seed, progress).map_err(ExchangeError::from)?,
+        };
         let exchange = Balanced::new(exchange, &scene, &space, &mass, &mass_inverse, escape);
         let join = Join::of(&space);
         let preconditioner = preconditioner(&join, &mass, &mass_inverse);
@@ -224,14 +257,65 @@ impl System {
         Ok(Self { scene, space, exchange, panels, blockers, strengths, join, mass, mass_inverse, preconditioner })
     }
 
-    /// Conjugate gradients where R is constant on every element, GMRES elsewhere.
+    /// The cells as panels, made when they are first asked for.
+    pub(super) fn panels(&self) -> &[Panel] {
+        self.panels.get_or_init(|| Panel::of(&self.scene.mesh, &self.space))
+    }
+
+    /// Replaces the materials, one by one, and keeps the operator: another light (new B⁰), another paint (new R).
+    ///
+    /// What is solved next is what a system made afresh with the same [`exchange::Params`] would solve, to the last
+    /// bit; only the functions' joints are found again, since they follow the materials.
+    ///
+    /// # Errors
+    /// [`MaterialsError`] if their number, their bands or which of them are two-sided would change, or one of them is
+    /// not physical; the system is then as it was.
+    pub fn set_materials(&mut self, materials: Vec<Material>, continuity: Continuity) -> Result<(), MaterialsError> {
+        let same = |(a, b): (&Material, &Material)| a.two_sided == b.two_sided;
+        if materials.len() != self.scene.materials.len() || !materials.iter().zip(&self.scene.materials).all(same) {
+            return Err(MaterialsError::Geometry);
+        }
+        self.scene.set_materials(materials)?;
+        // The cells have elements: only the joints may differ.
+        if let Ok(space) = FunctionSpace::new(&self.scene, self.space.basis(), continuity) {
+            self.space = space;
+        }
+        self.join = Join::of(&self.space);
+        self.preconditioner = preconditioner(&self.join, &self.mass, &self.mass_inverse);
+        Ok(())
+    }
+
+    /// ‖Δ^-½ S Δ^-½‖ from below, by a few steps of Arnoldi's method.
+    pub fn operator_norm(&self) -> f64 {
+        let steps = NORM_STEPS[usize::from(!self.exchange.is_symmetric())];
+        exchange::norm(&self.exchange, &self.mass, &self.mass_inverse, steps)
+    }
+
+    /// How far the solver should go: as far as power balances by the operator.
+    pub fn solver_tolerance(&self) -> f64 {
+        if self.exchange.is_symmetric() { SOLVER_TOLERANCE } else { SAMPLED_SOLVER_TOLERANCE }
+    }
+
+    /// The relative L2 error of the irradiance that the operator makes, from two halves of its samples where it is
+    /// sampled, else as estimated when it was built.
+    pub fn operator_error(&self, solution: &Solution) -> f64 {
+        let Some(spread) = self.exchange.spread(&solution.radiosity) else {
+            return self.exchange.statistics().error();
+        };
+        let spread = self.irradiance_of(&spread);
+        let norms = |x: &MultiVector| x.dot(&self.mass.times(x));
+        let relative = |(error, norm): (f64, f64)| if norm > 0.0 { (error / norm).sqrt() } else { 0.0 };
+        norms(&spread).into_iter().zip(norms(&solution.irradiance)).map(relative).fold(0.0, f64::max)
+    }
+
+    /// Conjugate gradients where S is symmetric and R constant on every element, GMRES elsewhere.
     pub fn best_solver(&self) -> solve::Kind {
         if self.root_reflectance().is_some() { solve::Kind::Cg } else { solve::Kind::Gmres }
     }
 
     /// Solves Δ b = b⁰ + F̂ b for the scene's emission.
     ///
-    /// Conjugate gradients need R constant on every element; where it is not, GMRES takes their place.
+    /// Conjugate gradients need a symmetric S and R constant on every element; else GMRES takes their place.
     ///
     /// # Errors
     /// [`Error::Solve`].
@@ -282,15 +366,37 @@ impl System {
         Ok((self.solution(radiosity), info))
     }
 
-    /// The solution whose radiosity has these broken coefficients. E is the projection Δ⁻¹ S b of what arrives onto the
-    /// *broken* space, joined or not: more accurate than on hats where shadows have sharp edges, and it costs no solve.
+    /// The solution whose radiosity has these broken coefficients.
     fn solution(&self, radiosity: MultiVector) -> Solution {
-        let irradiance = self.mass_inverse.times(&self.exchange.times(&radiosity));
+        let mut arrived = self.exchange.times(&radiosity);
+        let steady = self.exchange.steady(&radiosity);
+        if let Some(steady) = &steady {
+            arrived.add_scaled(-1.0, steady);
+        }
+        let mut irradiance = self.irradiance_of(&arrived);
+        if let Some(steady) = &steady {
+            irradiance.add_scaled(1.0, &self.mass_inverse.times(steady));
+        }
         Solution { scene: self.scene.clone(), space: self.space.clone(), radiosity, irradiance }
     }
 
-    /// √R for each broken coefficient and band, if R is constant on every element.
+    /// The irradiance with these integrals against the broken functions. It is the projection Δ⁻¹ S b onto the *broken*
+    /// space, joined or not: more accurate than on hats where shadows have sharp edges, and it costs no solve. Of a
+    /// sampled operator it is the projection onto the joined space, which averages the noise of the cells that meet (and
+    /// would blur the shadows of lamps, which are therefore left out: [`Exchange::steady`]).
+    fn irradiance_of(&self, arrived: &MultiVector) -> MultiVector {
+        if self.exchange.is_symmetric() {
+            self.mass_inverse.times(arrived)
+        } else {
+            self.join.spread(&self.inverse_mass().times(&self.join.collect(arrived)))
+        }
+    }
+
+    /// √R for each broken coefficient and band, if S is symmetric and R constant on every element.
     fn root_reflectance(&self) -> Option<MultiVector> {
+        if !self.exchange.is_symmetric() {
+            return None;
+        }
         let mut root = MultiVector::zeros(self.space.broken_dofs(), self.scene.bands);
         for cell in 0..self.space.cells() {
             for band in 0..self.scene.bands {
@@ -319,7 +425,7 @@ impl System {
 
     /// Irradiance at any point, from a solution of this system.
     pub fn gather<'a>(&'a self, solution: &'a Solution) -> Gather<'a> {
-        Gather { panels: &self.panels, blockers: &self.blockers, strengths: &self.strengths, solution }
+        Gather { panels: self.panels(), blockers: &self.blockers, strengths: &self.strengths, solution }
     }
 
     fn mass(&self) -> Mass<'_> {

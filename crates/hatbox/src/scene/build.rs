@@ -175,6 +175,20 @@ impl Scene {
         Ok(Self { mesh, surfaces: Arc::clone(&self.surfaces), ..self.clone() })
     }
 
+    /// Replaces the materials, one by one.
+    ///
+    /// # Errors
+    /// [`SceneError`] if one of them is not physical; the scene is then as it was.
+    pub fn set_materials(&mut self, materials: Vec<Material>) -> Result<(), SceneError> {
+        if let Some(cell) = self.mesh.cells.iter().position(|cell| cell.material as usize >= materials.len()) {
+            let (index, count) = (self.mesh.cells[cell].material, materials.len());
+            return Err(SceneError::Index { cell, what: "material", index, count });
+        }
+        self.bands = check_materials(&materials)?;
+        self.materials = materials;
+        Ok(())
+    }
+
     /// Whether two materials reflect and emit the same everywhere.
     pub fn same_material(&self, a: u32, b: u32) -> bool {
         let equal = |p: &Quantity, q: &Quantity| {

@@ -30,6 +30,7 @@ use crate::space::{FunctionSpace, NoElement};
 use crate::visibility::{Bvh, Visibility};
 use groups::Grouping;
 use matrix::Matrix;
+use std::sync::{Arc, OnceLock};
 
 /// One constant function per element, on triangles and quads alike.
 const BASIS: &Basis = &ALL[0];
@@ -170,19 +171,21 @@ impl ViewFactors {
         let scene = scene.refined(options.refinement, BASIS)?;
         Estimate::new(scene.mesh.cells.len()).check(options.memory)?;
         let space = FunctionSpace::broken(&scene.mesh, BASIS)?;
-        let panels = Panel::of(&scene.mesh, &space);
-        let blockers = Bvh::of_surfaces(&scene.surfaces);
-        let geometry = Geometry { panels: &panels, surfaces: &scene.surfaces, blockers: &blockers };
-        let escapes = escapes(&geometry, &scene, options, progress)?;
-        let params = exchange::Params { seed: options.seed, ..exchange::Params::new(options.tolerance) };
+        let (cells, blockers) = (OnceLock::new(), Arc::new(Bvh::of_surfaces(&scene.surfaces)));
+        let geometry = Geometry::new(&scene, &space, &blockers, &cells);
+        let panels = geometry.panels();
+        let escapes = escapes(&geometry, options, progress)?;
+        let standard = exchange::Params::new(options.tolerance);
+        let memory = options.memory.map_or(standard.memory, |limit| limit as usize);
+        let params = exchange::Params { seed: options.seed, memory, ..standard };
         let dense = Dense::new(&geometry, &params, progress)?;
-        let source = Source { geometry, accuracy: accuracy(&panels, &params) };
+        let source = Source { geometry, accuracy: accuracy(panels, &params) };
         let (statistics, reversed_error) = (dense.statistics(), source.reversed_error(&dense));
         let grouping = Grouping::new(&scene, options.between);
         let mut found = Self {
             surfaces: grouping.surfaces(&scene, &escapes),
             elements: panels.len(),
-            escape: mean(&panels, &escapes),
+            escape: mean(panels, &escapes),
             statistics,
             reversed_error,
             closure: None,
@@ -268,19 +271,14 @@ fn accuracy(panels: &[Panel], params: &exchange::Params) -> Accuracy {
 
 /// What escapes from each element. A closure that aims at it needs it more accurately: low-discrepancy rays have an error
 /// of about n^(-3/4), which is to be below the tolerance.
-fn escapes(
-    geometry: &Geometry<'_>,
-    scene: &Scene,
-    options: &Options,
-    progress: &dyn Progress,
-) -> Result<Vec<f64>, Interrupted> {
-    let first = exchange::escapes(geometry, scene, 0, options.seed, progress)?;
+fn escapes(geometry: &Geometry<'_>, options: &Options, progress: &dyn Progress) -> Result<Vec<f64>, Interrupted> {
+    let first = exchange::escapes(geometry, 0, options.seed, progress)?;
     if options.closure == ClosureMethodKind::None || first.iter().all(|&escape| escape == 0.0) {
         return Ok(first);
     }
-    let most = MAX_ESCAPE_RAYS / geometry.panels.len().max(1) as f64;
+    let most = MAX_ESCAPE_RAYS / geometry.panels().len().max(1) as f64;
     let rays = options.tolerance.powf(-4.0 / 3.0).min(most) as u32;
-    exchange::escapes(geometry, scene, rays, options.seed, progress)
+    exchange::escapes(geometry, rays, options.seed, progress)
 }
 
 /// The mean over the area.
@@ -300,13 +298,13 @@ impl Source<'_> {
     /// `A_i F_ij` if nothing stood between two elements.
     fn unobstructed(&self, i: usize, j: usize) -> f64 {
         // In the order of the operator, so that a pair that is clear gives the same number.
-        let (a, b) = (&self.geometry.panels[i.min(j)], &self.geometry.panels[i.max(j)]);
+        let (a, b) = (&self.geometry.panels()[i.min(j)], &self.geometry.panels()[i.max(j)]);
         pair_block(a, b, Sight::Clear, [1.0; 2], &self.accuracy).sum()
     }
 
     /// See [`ViewFactors::reversed_error`].
     fn reversed_error(&self, dense: &Dense) -> f64 {
-        let Geometry { panels, blockers, .. } = self.geometry;
+        let (panels, blockers) = (self.geometry.panels(), self.geometry.blockers);
         let n = panels.len() as u64;
         let pick = |k| crate::quadrature::sequence::hash(self.accuracy.seed ^ 0x7265_7665, k) % n.max(1);
         let pairs = (0..4 * REVERSED).map(|k| (pick(2 * k) as usize, pick(2 * k + 1) as usize));

@@ -209,7 +209,9 @@ mod tests {
         assert!((merged_ring.polygons.iter().map(|p| area(p)).sum::<f64>() - 8.0 / 9.0).abs() < 1e-12);
         let bent = [
             Surface { corners: [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y] },
-            Surface { corners: [DVec3::Y, DVec3::new(1.0, 1.0, 0.0), DVec3::new(1.0, 2.0, 0.1), DVec3::new(0.0, 2.0, 0.1)] },
+            Surface {
+                corners: [DVec3::Y, DVec3::new(1.0, 1.0, 0.0), DVec3::new(1.0, 2.0, 0.1), DVec3::new(0.0, 2.0, 0.1)],
+            },
         ];
         assert_eq!(merged(&bent).polygons.len(), 2);
     }

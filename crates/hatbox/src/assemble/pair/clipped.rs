@@ -49,7 +49,8 @@ pub(super) fn block(
         (above_both.len() >= 3).then_some(above_both)
     };
     let blockers: Vec<Polygon> = polygons.iter().filter_map(between).collect();
-    let distance = |panel: &Panel| blockers.iter().map(|polygon| remoteness(panel, polygon)).fold(f64::INFINITY, f64::min);
+    let distance =
+        |panel: &Panel| blockers.iter().map(|polygon| remoteness(panel, polygon)).fold(f64::INFINITY, f64::min);
     let closed = [a, b].map(|panel| panel.functions.is_some());
     let a_outside = closed[1] && (!closed[0] || distance(a) >= distance(b));
     if a_outside {
@@ -160,7 +161,8 @@ fn distance(p: DVec3, polygon: &Polygon) -> f64 {
 fn remove_cone(pieces: &mut Vec<Polygon>, x: DVec3, blocker: &Polygon) -> bool {
     let count = blocker.len();
     let to = |k: usize| blocker[k % count] - x;
-    let normal = (1..count - 1).map(|k| to(k).cross(to(k + 1)) + to(k + 1).cross(to(0)) + to(0).cross(to(k))).sum::<DVec3>();
+    let normal =
+        (1..count - 1).map(|k| to(k).cross(to(k + 1)) + to(k + 1).cross(to(0)) + to(0).cross(to(k))).sum::<DVec3>();
     let height = normal.dot(to(0));
     if height.abs() <= EDGE_ON * normal.length() * to(0).length() {
         return false;

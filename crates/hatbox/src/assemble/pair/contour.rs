@@ -164,7 +164,9 @@ mod tests {
             let [value, error] = integral(&square(0.0, true), &square(gap, false), 1e-13);
             assert!((value - exact).abs() < 1e-12 && error < 1e-12, "{gap}: {value} ± {error}");
         }
-        for (degrees, exact) in [(30.0_f64, 0.619_028_323_090_803), (90.0, 0.200_043_776_075_403), (150.0, 0.021_345_325_412_689)] {
+        for (degrees, exact) in
+            [(30.0_f64, 0.619_028_323_090_803), (90.0, 0.200_043_776_075_403), (150.0, 0.021_345_325_412_689)]
+        {
             let (sin, cos) = degrees.to_radians().sin_cos();
             let hinged = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(y, s)| DVec3::new(s * cos, y, s * sin));
             let [value, error] = integral(&square(0.0, true), &hinged, 1e-13);

@@ -27,8 +27,8 @@ pub use region::Facing;
 
 use super::Panel;
 use crate::element::MAX_DOFS;
-use glam::DVec3;
 pub(super) use gauss::a_priori_error_factors;
+use glam::DVec3;
 pub(crate) use region::FLAT;
 pub(super) use region::Region;
 

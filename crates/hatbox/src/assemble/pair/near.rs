@@ -28,7 +28,8 @@ pub(super) fn block(a: &Panel, on_a: &Region, b: &Panel, on_b: &Region, accuracy
     let b_inside = b.functions.is_some() && (a.functions.is_none() || a.area() <= b.area());
     if b_inside {
         let inner = Inner::new(b, on_b.corners());
-        Outer { panel: a, source: b, at: &|x| inner.at(x, a.normal()), degrees: &OUTER, guard: 0.0 }.integrate(on_a, &budget)
+        Outer { panel: a, source: b, at: &|x| inner.at(x, a.normal()), degrees: &OUTER, guard: 0.0 }
+            .integrate(on_a, &budget)
     } else if a.functions.is_some() {
         let inner = Inner::new(a, on_a.corners());
         let outer = Outer { panel: b, source: a, at: &|x| inner.at(x, b.normal()), degrees: &OUTER, guard: 0.0 };

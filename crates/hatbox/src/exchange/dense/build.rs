@@ -24,10 +24,10 @@ const MAX_CLIPPED: usize = 16;
 const STRANDS: usize = 64;
 
 pub(super) fn build(geometry: &Geometry<'_>, params: &Params, progress: &dyn Progress) -> Result<Dense, Interrupted> {
-    let tree = Tree::new(geometry.panels);
-    let ordered: Vec<&Panel> = tree.order.iter().map(|&panel| &geometry.panels[panel as usize]).collect();
-    let mut dense = Dense::empty(geometry.panels, &tree.order);
-    let total_area = geometry.panels.iter().map(Panel::area).sum();
+    let tree = Tree::new(geometry.panels());
+    let ordered: Vec<&Panel> = tree.order.iter().map(|&panel| &geometry.panels()[panel as usize]).collect();
+    let mut dense = Dense::empty(geometry.panels(), &tree.order);
+    let total_area = geometry.panels().iter().map(Panel::area).sum();
     let accuracy = Accuracy { tolerance: params.tolerance, total_area, max_rays: params.max_rays, seed: params.seed };
     let builder = Builder {
         geometry,

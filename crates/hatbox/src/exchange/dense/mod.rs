@@ -14,8 +14,6 @@ use crate::linalg::{LinearOperator, MultiVector};
 use crate::progress::Progress;
 use rayon::prelude::*;
 
-/// Largest number of bytes that a dense operator takes.
-const MAX_BYTES: usize = 16 << 30;
 /// A product is cut into this many runs of rows, each with its own result, added in order: fixed, so that sums do not
 /// depend on the number of threads.
 const RUNS: usize = 32;
@@ -35,15 +33,23 @@ pub struct Dense {
 }
 
 impl Dense {
+    /// The word that selects it.
+    pub const NAME: &'static str = "dense";
+
+    /// Bytes that the coefficients of so many unknowns take.
+    pub const fn bytes(unknowns: usize) -> usize {
+        unknowns.saturating_mul(unknowns + 1) / 2 * size_of::<f64>()
+    }
+
     /// Integrates all pairs.
     ///
     /// # Errors
     /// [`ExchangeError::TooLarge`] before any work if the memory would not do, [`ExchangeError::Interrupted`].
     pub fn new(geometry: &Geometry<'_>, params: &Params, progress: &dyn Progress) -> Result<Self, ExchangeError> {
-        let unknowns = geometry.panels.iter().map(|panel| panel.element.dofs()).sum::<usize>();
-        let bytes = unknowns * (unknowns + 1) / 2 * size_of::<f64>();
-        if bytes > MAX_BYTES {
-            return Err(ExchangeError::TooLarge { unknowns, bytes, limit: MAX_BYTES });
+        let unknowns = geometry.space.broken_dofs();
+        let bytes = Self::bytes(unknowns);
+        if bytes > params.memory {
+            return Err(ExchangeError::TooLarge { unknowns, bytes, limit: params.memory });
         }
         Ok(build::build(geometry, params, progress)?)
     }
@@ -205,6 +211,10 @@ impl LinearOperator for Dense {
 }
 
 impl Exchange for Dense {
+    fn kind(&self) -> &'static str {
+        Self::NAME
+    }
+
     fn statistics(&self) -> Statistics {
         self.statistics
     }

@@ -1,0 +1,264 @@
+//! The cells as the rays need them, 60 bytes each, and where on them a point of a face of the input lies.
+
+use crate::element::{Element, Shape};
+use crate::linalg::MultiVector;
+use crate::mesh::{Mesh, Patch};
+use crate::scene::{Scene, Surface};
+use crate::space::FunctionSpace;
+use glam::{DVec2, DVec3};
+
+/// Corners, surfaces and elements of the cells.
+#[derive(Debug)]
+pub(super) struct Cells {
+    vertices: Vec<DVec3>,
+    corners: Vec<[u32; 4]>,
+    surfaces: Vec<u32>,
+    elements: Vec<&'static Element>,
+    /// First coefficient of each cell, and their number.
+    offsets: Vec<u32>,
+}
+
+impl Cells {
+    pub(super) fn new(mesh: &Mesh, space: &FunctionSpace) -> Self {
+        Self {
+            vertices: mesh.vertices.clone(),
+            corners: mesh.cells.iter().map(|cell| cell.vertices).collect(),
+            surfaces: mesh.cells.iter().map(|cell| cell.surface).collect(),
+            elements: (0..space.cells()).map(|cell| space.element(cell)).collect(),
+            offsets: space.offsets().iter().map(|&offset| offset as u32).collect(),
+        }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.corners.len()
+    }
+
+    pub(super) fn unknowns(&self) -> usize {
+        self.offsets[self.len()] as usize
+    }
+
+    pub(super) fn patch(&self, cell: usize) -> Patch {
+        Patch::new(self.elements[cell].shape, self.corners[cell].map(|vertex| self.vertices[vertex as usize]))
+    }
+
+    pub(super) fn surface(&self, cell: usize) -> u32 {
+        self.surfaces[cell]
+    }
+
+    pub(super) fn element(&self, cell: usize) -> &'static Element {
+        self.elements[cell]
+    }
+
+    /// The coefficients of a cell.
+    pub(super) fn range(&self, cell: usize) -> std::ops::Range<usize> {
+        self.offsets[cell] as usize..self.offsets[cell + 1] as usize
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(&*self.vertices) + self.len() * (size_of::<[u32; 4]>() + 8 + size_of::<&Element>())
+    }
+}
+
+/// Coefficients with the bands of each side by side: what a ray reads lies in one or two lines of the cache.
+pub(super) struct Interleaved {
+    pub(super) bands: usize,
+    values: Vec<f64>,
+}
+
+impl Interleaved {
+    pub(super) fn new(x: &MultiVector) -> Self {
+        let bands = x.bands();
+        let mut values = vec![0.0; x.rows() * bands];
+        for (band, column) in x.iter_bands().enumerate() {
+            for (row, &value) in column.iter().enumerate() {
+                values[row * bands + band] = value;
+            }
+        }
+        Self { bands, values }
+    }
+
+    /// The function's value at reference coordinates of a cell, for every band.
+    #[inline]
+    pub(super) fn evaluate(&self, cells: &Cells, cell: usize, at: [f64; 2], out: &mut [f64]) {
+        let first = cells.offsets[cell] as usize * self.bands;
+        let element = cells.elements[cell];
+        let dofs = element.dofs();
+        let coefficients = &self.values[first..first + dofs * self.bands];
+        match (dofs, element.shape) {
+            (1, _) => out.copy_from_slice(coefficients),
+            (3, Shape::Triangle) => {
+                let n = [1.0 - at[0] - at[1], at[0], at[1]];
+                for (band, out) in out.iter_mut().enumerate() {
+                    let value = |k: usize| n[k] * coefficients[k * self.bands + band];
+                    *out = value(0) + value(1) + value(2);
+                }
+            }
+            _ => {
+                let n = element.values(at);
+                for (band, out) in out.iter_mut().enumerate() {
+                    *out = (0..dofs).map(|k| n[k] * coefficients[k * self.bands + band]).sum();
+                }
+            }
+        }
+    }
+}
+
+/// Up to so many cells of a side are searched one by one.
+const FEW: usize = 3;
+
+/// Finds the cell of a face's side at a point: a grid over every face that has more than a few cells.
+#[derive(Debug)]
+pub(super) struct Locator {
+    /// First entry in `cells` of each side: 2 · surface for the front, + 1 for the back.
+    first: Vec<u32>,
+    cells: Vec<u32>,
+    /// For each side, its grid, or `u32::MAX`.
+    grid_of: Vec<u32>,
+    grids: Vec<Grid>,
+}
+
+#[derive(Debug)]
+struct Grid {
+    origin: DVec3,
+    /// In-plane directions, divided by the width of a bin.
+    axes: [DVec3; 2],
+    size: [u32; 2],
+    first: Vec<u32>,
+    cells: Vec<u32>,
+}
+
+impl Locator {
+    pub(super) fn new(scene: &Scene, cells: &Cells) -> Self {
+        let normals: Vec<DVec3> = scene.surfaces.iter().map(surface_normal).collect();
+        let side = |cell: usize| {
+            let surface = cells.surface(cell) as usize;
+            2 * surface + usize::from(normals[surface].dot(cells.patch(cell).normal()) < 0.0)
+        };
+        let (first, list) = sorted(2 * scene.surfaces.len(), (0..cells.len()).map(|cell| (side(cell), cell as u32)));
+        let mut locator = Self { grid_of: vec![u32::MAX; first.len() - 1], first, cells: list, grids: Vec::new() };
+        for side in 0..locator.grid_of.len() {
+            let on = locator.on(side);
+            if on.len() > FEW {
+                let grid = Grid::new(&scene.surfaces[side / 2], normals[side / 2], on, cells);
+                locator.grid_of[side] = locator.grids.len() as u32;
+                locator.grids.push(grid);
+            }
+        }
+        locator
+    }
+
+    fn on(&self, side: usize) -> &[u32] {
+        &self.cells[self.first[side] as usize..self.first[side + 1] as usize]
+    }
+
+    /// The cell at a point of a side of a face, with the reference coordinates of the point; `None` if that side has no
+    /// cells. A point between cells to rounding belongs to the nearest.
+    pub(super) fn find(&self, cells: &Cells, surface: u32, front: bool, point: DVec3) -> Option<(u32, [f64; 2])> {
+        let side = 2 * surface as usize + usize::from(!front);
+        let grid = self.grid_of[side];
+        let candidates = match self.grids.get(grid as usize) {
+            Some(grid) => grid.at(point),
+            None => self.on(side),
+        };
+        let mut best: Option<(f64, u32, [f64; 2])> = None;
+        for &cell in candidates {
+            let patch = cells.patch(cell as usize);
+            let at = patch.locate(point);
+            let inside = depth(patch.shape(), at);
+            if best.is_none_or(|(most, ..)| inside > most) {
+                best = Some((inside, cell, at));
+                if inside >= 0.0 {
+                    break;
+                }
+            }
+        }
+        best.map(|(_, cell, at)| (cell, at))
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        let grid = |grid: &Grid| size_of::<Grid>() + 4 * (grid.first.len() + grid.cells.len());
+        4 * (self.first.len() + self.cells.len() + self.grid_of.len()) + self.grids.iter().map(grid).sum::<usize>()
+    }
+}
+
+impl Grid {
+    /// About one bin per cell.
+    fn new(surface: &Surface, normal: DVec3, on: &[u32], cells: &Cells) -> Self {
+        let corners = surface.corners();
+        let e1 = (corners[1] - corners[0]).normalize_or_zero();
+        let e2 = normal.cross(e1);
+        let flat = |p: DVec3| DVec2::new((p - corners[0]).dot(e1), (p - corners[0]).dot(e2));
+        let bounds = |points: &mut dyn Iterator<Item = DVec2>| {
+            points.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)))
+        };
+        let (low, high) = bounds(&mut corners.iter().map(|&p| flat(p)));
+        let extent = (high - low).max(DVec2::splat(1e-300));
+        let bin = (extent.x * extent.y / on.len() as f64).sqrt();
+        let size = [extent.x, extent.y].map(|length| ((length / bin).ceil() as u32).clamp(1, 1 << 14));
+        let scale = [f64::from(size[0]) / extent.x, f64::from(size[1]) / extent.y];
+        let origin = corners[0] + e1 * low.x + e2 * low.y;
+        let mut grid =
+            Self { origin, axes: [e1 * scale[0], e2 * scale[1]], size, first: Vec::new(), cells: Vec::new() };
+        let mut entries = Vec::with_capacity(4 * on.len());
+        for &cell in on {
+            let patch = cells.patch(cell as usize);
+            let bins = patch.corners().iter().map(|&p| grid.coordinates(p));
+            // Rounding may put a point into the next bin.
+            let (low, high) = bins.fold(([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]), |(lo, hi), [x, y]| {
+                ([lo[0].min(x), lo[1].min(y)], [hi[0].max(x), hi[1].max(y)])
+            });
+            let [x0, y0] = grid.bin([low[0] - 1e-6, low[1] - 1e-6]);
+            let [x1, y1] = grid.bin([high[0] + 1e-6, high[1] + 1e-6]);
+            for y in y0..=y1 {
+                entries.extend((x0..=x1).map(|x| ((y * size[0] + x) as usize, cell)));
+            }
+        }
+        (grid.first, grid.cells) = sorted((size[0] * size[1]) as usize, entries.iter().copied());
+        grid
+    }
+
+    fn coordinates(&self, point: DVec3) -> [f64; 2] {
+        self.axes.map(|axis| axis.dot(point - self.origin))
+    }
+
+    fn bin(&self, at: [f64; 2]) -> [u32; 2] {
+        std::array::from_fn(|k| (at[k].max(0.0) as u32).min(self.size[k] - 1))
+    }
+
+    fn at(&self, point: DVec3) -> &[u32] {
+        let [x, y] = self.bin(self.coordinates(point));
+        let bin = (y * self.size[0] + x) as usize;
+        &self.cells[self.first[bin] as usize..self.first[bin + 1] as usize]
+    }
+}
+
+/// The normal of a face's front, the side it is counter-clockwise from.
+fn surface_normal(surface: &Surface) -> DVec3 {
+    surface.patch(DVec3::ZERO).normal()
+}
+
+/// How far inside the reference cell a point is; negative outside.
+fn depth(shape: Shape, [x, y]: [f64; 2]) -> f64 {
+    match shape {
+        Shape::Triangle => x.min(y).min(1.0 - x - y),
+        Shape::Quad => x.min(y).min(1.0 - x).min(1.0 - y),
+    }
+}
+
+/// Entries by key, in their order: where each key's begin, and the entries.
+fn sorted(keys: usize, entries: impl Iterator<Item = (usize, u32)> + Clone) -> (Vec<u32>, Vec<u32>) {
+    let mut first = vec![0_u32; keys + 1];
+    for (key, _) in entries.clone() {
+        first[key + 1] += 1;
+    }
+    for key in 0..keys {
+        first[key + 1] += first[key];
+    }
+    let mut next = first.clone();
+    let mut list = vec![0; first[keys] as usize];
+    for (key, entry) in entries {
+        list[next[key] as usize] = entry;
+        next[key] += 1;
+    }
+    (first, list)
+}

@@ -1,0 +1,282 @@
+//! Light from lamps, which rays would find too seldom: sides of faces whose cells are strong emitters.
+//!
+//! What a lamp's face sends is split into the mean over its cells and the rest. The mean is sent here: the irradiance of
+//! the whole face, in closed form, times the share of it that rays to points of the face find visible, at the points of a
+//! rule on every receiving cell. The rest is small and goes with the other rays.
+//!
+//! A point has a budget of shadow rays, shared among the lamps by how much they can give at most; a lamp whose share is
+//! less than one ray gets one with that probability, and counts accordingly more. So a building with a lamp in every
+//! room costs what one room costs, except for the estimates: these are made for every cell and every lamp, and that is
+//! why there are at most [`MOST`] lamps, the most powerful ones.
+
+use super::cells::Cells;
+use super::fit::{factor, mean_mass, solve};
+use super::rays::Tracer;
+use crate::assemble::{Panel, point_row};
+use crate::element::{ALL, Element, MAX_DOFS};
+use crate::exchange::{Geometry, Params};
+use crate::kernel::geometric;
+use crate::quadrature::sequence::{hash, point};
+use crate::quadrature::{Rule, rule};
+use crate::visibility::{Bvh, Visibility};
+use glam::DVec3;
+use std::collections::BTreeMap;
+use std::f64::consts::FRAC_1_PI;
+
+/// Cells that are so many times stronger than a mean one are lamps.
+const STRONG: f64 = 2.0;
+/// The most lamps.
+const MOST: usize = 512;
+/// A lamp that is partly hidden gets so many times more rays.
+const MORE: u32 = 4;
+/// A ray stands for at most so many rays that were not cast.
+const ROULETTE: f64 = 1.0 / 64.0;
+
+/// One side of a face that shines.
+#[derive(Debug)]
+struct Lamp {
+    panel: Panel,
+    strength: f64,
+    /// Its cells, each with ∫N_k / area of the lamp.
+    cells: Vec<(u32, [f64; MAX_DOFS])>,
+}
+
+/// The lamps of a scene.
+#[derive(Debug)]
+pub(super) struct Lamps {
+    all: Vec<Lamp>,
+    /// The lamp of each cell of one.
+    of_cell: BTreeMap<u32, u32>,
+    seed: u64,
+}
+
+/// What a cell gets from one lamp of exitance 1: coefficients of its irradiance.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Entry {
+    pub(super) lamp: u32,
+    pub(super) values: [f32; MAX_DOFS],
+}
+
+/// Where lamps are looked at from, on the cells of one element.
+#[derive(Debug)]
+pub(super) struct Receivers {
+    rule: &'static Rule,
+    /// For each point of the rule, what it adds to each coefficient.
+    weights: Vec<[f64; MAX_DOFS]>,
+}
+
+impl Receivers {
+    pub(super) fn new(element: &'static Element) -> Self {
+        // Two degrees more than the product of two functions: shadows have edges.
+        let rule = rule(element.shape, 2 * element.degree + 2);
+        let n = element.dofs();
+        let l = factor(mean_mass(element, None), n);
+        let weigh = |(&at, weight): (&[f64; 2], &f64)| {
+            let mut column = element.values(at).map(|value| value * weight);
+            solve(&l, n, 1, &mut column[..n]);
+            column
+        };
+        Self { rule, weights: rule.points.iter().zip(&rule.weights).map(weigh).collect() }
+    }
+}
+
+impl Lamps {
+    /// The sides of faces whose cells are strong, by the strengths of the parameters.
+    pub(super) fn new(geometry: &Geometry<'_>, cells: &Cells, params: &Params) -> Self {
+        let mut sides: BTreeMap<(u32, bool), Vec<u32>> = BTreeMap::new();
+        for cell in 0..params.strengths.len().min(cells.len()) {
+            if params.strengths[cell] > STRONG {
+                let surface = cells.surface(cell);
+                let front = geometry.surfaces[surface as usize].patch(DVec3::ZERO).normal();
+                let side = front.dot(cells.patch(cell).normal()) >= 0.0;
+                sides.entry((surface, side)).or_default().push(cell as u32);
+            }
+        }
+        let mut lamps: Vec<Lamp> = sides.values().filter_map(|on| Lamp::new(geometry, cells, params, on)).collect();
+        lamps.sort_by(|a, b| b.power().total_cmp(&a.power()));
+        lamps.truncate(MOST);
+        let numbered = lamps.iter().enumerate();
+        let of_cell =
+            numbered.flat_map(|(k, lamp)| lamp.cells.iter().map(move |&(cell, _)| (cell, k as u32))).collect();
+        Self { all: lamps, of_cell, seed: params.seed ^ 0x006c_616d_7073 }
+    }
+
+    /// The lamp that a cell belongs to.
+    pub(super) fn of(&self, cell: usize) -> Option<usize> {
+        self.of_cell.get(&(cell as u32)).map(|&lamp| lamp as usize)
+    }
+
+    /// The means over each lamp of a function, for every band.
+    pub(super) fn means(&self, cells: &Cells, x: &crate::linalg::MultiVector) -> Vec<f64> {
+        let mut means = Vec::with_capacity(self.all.len() * x.bands());
+        for lamp in &self.all {
+            for band in x.iter_bands() {
+                let share = |(cell, weights): &(u32, [f64; MAX_DOFS])| -> f64 {
+                    band[cells.range(*cell as usize)].iter().zip(weights).map(|(x, w)| x * w).sum()
+                };
+                means.push(lamp.cells.iter().map(share).sum());
+            }
+        }
+        means
+    }
+
+    /// What a cell gets from each lamp it sees, and the number of rays that were cast.
+    pub(super) fn at_cell(
+        &self,
+        cells: &Cells,
+        cell: usize,
+        receivers: &Receivers,
+        budget: u32,
+        tracer: &Tracer,
+    ) -> (Vec<Entry>, u64) {
+        let patch = cells.patch(cell);
+        let n = cells.element(cell).dofs();
+        let mut rays = 0;
+        let mut found: Vec<Entry> = Vec::new();
+        for (q, (&at, weights)) in receivers.rule.points.iter().zip(&receivers.weights).enumerate() {
+            let set = hash(hash(self.seed, cell as u64), q as u64);
+            let x = (patch.point(at), patch.normal(), cells.surface(cell));
+            rays += self.at_point(x, budget, set, &tracer.blockers, |lamp, value| {
+                let index = found.iter().position(|entry| entry.lamp == lamp).unwrap_or_else(|| {
+                    found.push(Entry { lamp, values: [0.0; MAX_DOFS] });
+                    found.len() - 1
+                });
+                for (entry, weight) in found[index].values[..n].iter_mut().zip(weights) {
+                    *entry += (weight * value) as f32;
+                }
+            });
+        }
+        (found, rays)
+    }
+
+    /// Calls `give` with each lamp that a point with a normal on a surface sees, and ∫G V over the lamp.
+    pub(super) fn at_point(
+        &self,
+        (x, n, surface): (DVec3, DVec3, u32),
+        budget: u32,
+        set: u64,
+        blockers: &Bvh,
+        mut give: impl FnMut(u32, f64),
+    ) -> u64 {
+        let total: f64 = self.all.iter().map(|lamp| lamp.most(x, n)).sum();
+        let mut rays = 0;
+        for (k, lamp) in self.all.iter().enumerate() {
+            let most = lamp.most(x, n);
+            if most <= 0.0 || lamp.panel.surface == surface {
+                continue;
+            }
+            let share = f64::from(budget) * most / total;
+            let set = hash(set, k as u64);
+            let chance = share.clamp(ROULETTE, 1.0);
+            if (set >> 11) as f64 >= chance * 2_f64.powi(53) {
+                continue;
+            }
+            let Some(whole) = point_row(&lamp.panel, x, n) else { continue };
+            let mut sight = Sight { from: (x, n, surface), lamp, set, blockers, cast: 0, seen: 0.0, all: 0.0 };
+            sight.cast_to(share.ceil().max(1.0) as u32);
+            if sight.seen > 0.0 && sight.seen < sight.all {
+                sight.cast_to(MORE * sight.cast);
+            }
+            rays += u64::from(sight.cast);
+            if sight.seen > 0.0 {
+                give(k as u32, whole[0] * sight.seen / sight.all / chance);
+            }
+        }
+        rays
+    }
+
+    /// A point's irradiance from all lamps, with `budget` rays.
+    pub(super) fn irradiance(
+        &self,
+        x: (DVec3, DVec3, u32),
+        budget: u32,
+        set: u64,
+        blockers: &Bvh,
+        means: &[f64],
+        sum: &mut [f64],
+    ) -> f64 {
+        let (bands, mut factor) = (sum.len(), 0.0);
+        self.at_point(x, budget, set, blockers, |lamp, value| {
+            factor += value;
+            let means = &means[lamp as usize * bands..];
+            sum.iter_mut().zip(means).for_each(|(sum, mean)| *sum += value * mean);
+        });
+        factor
+    }
+}
+
+impl Lamp {
+    /// The lamp that shines through the given cells of one side of a face. Where they do not cover the face, as where
+    /// the exitance varies, it is the face all the same, and the dark cells are part of it.
+    fn new(geometry: &Geometry<'_>, cells: &Cells, params: &Params, strong: &[u32]) -> Option<Self> {
+        let first = cells.patch(*strong.first()? as usize);
+        let surface = cells.surface(strong[0] as usize);
+        let patch = geometry.surfaces[surface as usize].patch(first.normal());
+        let element = ALL[0].element(patch.shape())?;
+        let panel = Panel::new(patch, element, [0, 1, 2, 3], surface);
+        // The cells of a face follow each other, those of one side too.
+        let (mut start, mut end) = (strong[0] as usize, strong[strong.len() - 1] as usize + 1);
+        let belongs =
+            |cell: usize| cells.surface(cell) == surface && cells.patch(cell).normal().dot(patch.normal()) > 0.0;
+        while start > 0 && belongs(start - 1) {
+            start -= 1;
+        }
+        while end < cells.len() && belongs(end) {
+            end += 1;
+        }
+        let area: f64 = (start..end).map(|cell| cells.patch(cell).area()).sum();
+        let weights = |cell: usize| {
+            let patch = cells.patch(cell);
+            let mass = mean_mass(cells.element(cell), Some(&patch));
+            (cell as u32, mass.map(|row| row.iter().sum::<f64>() * patch.area() / area))
+        };
+        let power: f64 = strong.iter().map(|&c| params.strengths[c as usize] * cells.patch(c as usize).area()).sum();
+        Some(Self { panel, strength: power / area, cells: (start..end).map(weights).collect() })
+    }
+
+    fn power(&self) -> f64 {
+        self.strength * self.panel.area()
+    }
+
+    /// An upper estimate of what a point can get, for sharing out rays.
+    fn most(&self, x: DVec3, n: DVec3) -> f64 {
+        let Panel { center, radius, .. } = self.panel;
+        let to = center - x;
+        let distance2 = to.length_squared();
+        let reach = 1.0 / distance2.sqrt().max(radius);
+        let (at_x, at_y) = ((n.dot(to) + radius) * reach, (-self.panel.normal().dot(to)) * reach);
+        if at_x <= 0.0 || at_y <= 0.0 {
+            return 0.0;
+        }
+        let area = self.panel.area();
+        self.strength * FRAC_1_PI * area * at_x.min(1.0) * at_y.clamp(0.05, 1.0) / distance2.max(area)
+    }
+}
+
+/// A point looking at a lamp.
+struct Sight<'a> {
+    from: (DVec3, DVec3, u32),
+    lamp: &'a Lamp,
+    set: u64,
+    blockers: &'a Bvh,
+    cast: u32,
+    seen: f64,
+    all: f64,
+}
+
+impl Sight<'_> {
+    /// Goes on until so many rays have been cast.
+    fn cast_to(&mut self, rays: u32) {
+        let ((x, n, surface), panel) = (self.from, &self.lamp.panel);
+        for k in self.cast..rays {
+            let [u, v, ..] = point(self.set, k);
+            let y = panel.sample(u, v);
+            let g = geometric(x, n, y, panel.normal());
+            self.all += g;
+            if g > 0.0 && !self.blockers.occluded(x, y, [surface, panel.surface]) {
+                self.seen += g;
+            }
+        }
+        self.cast = rays;
+    }
+}

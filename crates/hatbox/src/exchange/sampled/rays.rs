@@ -1,0 +1,175 @@
+//! Rays: where they start, which way they go, and what is kept of what they hit.
+//!
+//! Every cell uses the same K = 2^m points, the first two dimensions of a scrambled Sobol' set, so what depends on them
+//! alone (shape functions, the fit) is a table. The directions are the other two dimensions, shifted digitally by a hash
+//! of the cell: each cell keeps a four-dimensional net, and the errors of different cells are independent. Nothing is
+//! drawn in sequence, so a ray can be cast again at any time instead of being remembered.
+
+use super::cells::{Cells, Locator};
+use crate::element::{Element, MAX_DOFS, Shape};
+use crate::mesh::Patch;
+use crate::quadrature::sequence::{hash, point};
+use crate::visibility::Bvh;
+use glam::DVec3;
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+/// Where a ray ended, in 8 bytes: the cell, its reference coordinates to 1/65536, and whether the cell is a lamp's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Hit {
+    cell: u32,
+    at: [u16; 2],
+}
+
+const LAMP: u32 = 1 << 31;
+
+impl Hit {
+    /// Out of the scene, or onto an unlit back.
+    pub(super) const LOST: Self = Self { cell: u32::MAX, at: [0; 2] };
+
+    fn new(cell: u32, at: [f64; 2], lamp: bool) -> Self {
+        let at = at.map(|x| (x.clamp(0.0, 1.0) * 65536.0).min(65535.0) as u16);
+        Self { cell: if lamp { cell | LAMP } else { cell }, at }
+    }
+
+    pub(super) fn is_lost(self) -> bool {
+        self.cell == u32::MAX
+    }
+
+    pub(super) fn is_lamp(self) -> bool {
+        self.cell & LAMP != 0 && !self.is_lost()
+    }
+
+    pub(super) fn cell(self) -> usize {
+        (self.cell & !LAMP) as usize
+    }
+
+    pub(super) fn at(self) -> [f64; 2] {
+        self.at.map(|x| (f64::from(x) + 0.5) / 65536.0)
+    }
+}
+
+/// The points of a reference cell.
+#[derive(Debug)]
+pub(super) struct Points {
+    pub(super) at: Vec<[f64; 2]>,
+    pub(super) functions: Vec<[f64; MAX_DOFS]>,
+}
+
+impl Points {
+    pub(super) fn new(element: &Element, rays: u32, seed: u64) -> Self {
+        let at: Vec<[f64; 2]> = (0..rays).map(|ray| place(element.shape, point(seed, ray))).collect();
+        let functions = at.iter().map(|&at| element.values(at)).collect();
+        Self { at, functions }
+    }
+}
+
+/// Reference coordinates, uniform in the reference cell.
+pub(super) fn place(shape: Shape, [u, v, ..]: [f64; 4]) -> [f64; 2] {
+    match shape {
+        // Lines from a corner: the square root makes the density uniform, and neighbours stay neighbours.
+        Shape::Triangle => {
+            let root = v.sqrt();
+            [root * (1.0 - u), root * u]
+        }
+        Shape::Quad => [u, v],
+    }
+}
+
+/// Casts rays.
+#[derive(Debug)]
+pub(super) struct Tracer {
+    pub(super) blockers: Arc<Bvh>,
+    pub(super) locator: Locator,
+    /// One bit for each cell of a lamp.
+    lamps: Vec<u64>,
+    /// Directions as 32-bit fractions, one for each ray.
+    directions: Vec<[u32; 2]>,
+    seed: u64,
+}
+
+impl Tracer {
+    pub(super) fn new(
+        blockers: Arc<Bvh>,
+        locator: Locator,
+        lamp: impl Fn(usize) -> bool,
+        cells: usize,
+        rays: u32,
+        seed: u64,
+    ) -> Self {
+        let mut lamps = vec![0; cells.div_ceil(64)];
+        for cell in (0..cells).filter(|&cell| lamp(cell)) {
+            lamps[cell / 64] |= 1 << (cell % 64);
+        }
+        let bits = |x: f64| (x * 2_f64.powi(32)) as u32;
+        let directions = (0..rays).map(|ray| point(seed, ray)).map(|[_, _, s, t]| [bits(s), bits(t)]).collect();
+        Self { blockers, locator, lamps, directions, seed }
+    }
+
+    pub(super) fn is_lamp(&self, cell: usize) -> bool {
+        self.lamps[cell / 64] >> (cell % 64) & 1 == 1
+    }
+
+    /// Casts all rays of a cell from the given points.
+    pub(super) fn trace(&self, cells: &Cells, cell: usize, points: &Points, hits: &mut [Hit]) {
+        let patch = cells.patch(cell);
+        let frame = Frame::new(&patch);
+        let shift = hash(self.seed ^ 0x7368_6966_7473, cell as u64);
+        let shift = [shift as u32, (shift >> 32) as u32];
+        for ((hit, &at), direction) in hits.iter_mut().zip(&points.at).zip(&self.directions) {
+            let [s, t] = [0, 1].map(|k| (f64::from(direction[k] ^ shift[k]) + 0.5) * 2_f64.powi(-32));
+            *hit = self.cast(cells, patch.point(at), frame.cosine(s, t), cells.surface(cell));
+        }
+    }
+
+    /// What a ray from a point of a face meets.
+    pub(super) fn cast(&self, cells: &Cells, origin: DVec3, direction: DVec3, surface: u32) -> Hit {
+        let Some(hit) = self.blockers.closest_hit(origin, direction, f64::INFINITY, |id, _| id != surface) else {
+            return Hit::LOST;
+        };
+        let point = origin + direction * hit.t;
+        match self.locator.find(cells, hit.id, hit.front, point) {
+            Some((cell, at)) => Hit::new(cell, at, self.is_lamp(cell as usize)),
+            None => Hit::LOST,
+        }
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        self.locator.bytes() + 8 * self.lamps.len()
+    }
+}
+
+/// An orthonormal frame on a patch.
+pub(super) struct Frame {
+    axes: [DVec3; 3],
+}
+
+impl Frame {
+    pub(super) fn new(patch: &Patch) -> Self {
+        let normal = patch.normal();
+        let e1 = normal.any_orthonormal_vector();
+        Self { axes: [e1, normal.cross(e1), normal] }
+    }
+
+    /// The cosine-distributed direction of two uniform numbers: a point of the disc, lifted onto the hemisphere.
+    pub(super) fn cosine(&self, s: f64, t: f64) -> DVec3 {
+        let (radius, (sin, cos)) = (s.sqrt(), (TAU * t).sin_cos());
+        self.axes[0] * (radius * cos) + self.axes[1] * (radius * sin) + self.axes[2] * (1.0 - s).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hit_keeps_its_place() {
+        for (at, lamp) in [([0.25, 0.5], false), ([0.0, 1.0], true)] {
+            let hit = Hit::new(12_345, at, lamp);
+            assert_eq!((hit.cell(), hit.is_lamp(), hit.is_lost()), (12_345, lamp, false));
+            assert!(hit.at().iter().zip(at).all(|(a, b)| (a - b).abs() <= 1.0 / 65536.0));
+        }
+        assert!(Hit::LOST.is_lost() && !Hit::LOST.is_lamp());
+        assert_eq!(size_of::<Hit>(), 8);
+    }
+}

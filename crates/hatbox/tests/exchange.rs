@@ -1,0 +1,203 @@
+//! What every kind of exchange operator must do, whichever way it gets there.
+
+#![expect(clippy::float_cmp, reason = "exact zeros are meant exactly")]
+
+#[allow(dead_code, reason = "other tests use the rest")]
+mod meshes;
+
+use glam::DVec3;
+use hatbox::element::{ALL as BASES, Basis};
+use hatbox::exchange::{self, Exchange, Kind};
+use hatbox::io::read_scene;
+use hatbox::linalg::{LinearOperator, MultiVector};
+use hatbox::mesh::Refinement;
+use hatbox::progress::Silent;
+use hatbox::radiosity::{MaterialsError, Options, System, solve};
+use hatbox::scene::{Material, Physics, Quantity, Scene};
+use hatbox::space::{Continuity, FunctionSpace};
+use std::path::Path;
+
+const TOLERANCE: f64 = 0.01;
+
+/// A room whose first face may be a lamp.
+fn room(reflectance: f64, exitance: [f64; 2]) -> Scene {
+    let mut mesh = meshes::room(DVec3::new(2.0, 1.0, 1.5), |face| face == 3);
+    mesh.cells[0].material = 1;
+    let wall = Material { exitance: Quantity::gray(exitance[0]), ..Material::diffuse("wall", reflectance) };
+    let lamp = Material { exitance: Quantity::gray(exitance[1]), ..Material::diffuse("lamp", reflectance) };
+    Scene::new(mesh, vec![wall, lamp], Physics::Light, None).expect("valid")
+}
+
+fn options(kind: &'static Kind, basis: &'static Basis) -> Options {
+    let refinement = Refinement::Elements(200);
+    Options { operator: kind, basis, refinement, tolerance: TOLERANCE, error_points: 0, ..Options::default() }
+}
+
+fn system(scene: &Scene, kind: &Kind, basis: &'static Basis, strengths: &dyn Fn(usize) -> f64) -> System {
+    let scene = scene.refined(Refinement::Elements(200), basis).expect("refined");
+    let space = FunctionSpace::new(&scene, basis, Continuity::named("continuous").expect("a name")).expect("elements");
+    let strengths =
+        (0..scene.mesh.cells.len()).map(|cell| strengths(scene.mesh.cells[cell].material as usize)).collect();
+    let params = exchange::Params { strengths, ..exchange::Params::new(TOLERANCE) };
+    System::new(scene, space, kind, &params, &Silent).expect("built")
+}
+
+/// With lamps and without.
+const STRENGTHS: [fn(usize) -> f64; 2] = [|_| 1.0, |material| if material == 1 { 50.0 } else { 1.0 }];
+
+fn for_all(check: impl Fn(&'static Kind, &'static Basis)) {
+    for kind in exchange::ALL {
+        for basis in &BASES {
+            check(kind, basis);
+        }
+    }
+}
+
+#[test]
+fn constants_come_back_exactly_in_a_closed_scene() {
+    for_all(|kind, basis| {
+        for strengths in STRENGTHS {
+            let system = system(&room(0.5, [0.0, 1.0]), kind, basis, &strengths);
+            assert_eq!(system.exchange.closure.escape, 0.0, "{}", kind.name);
+            assert!(system.exchange.closure.balanced, "{} {}", kind.name, basis.name);
+            let norm = system.operator_norm();
+            assert!((norm - 1.0).abs() < TOLERANCE, "{} {}: norm {norm}", kind.name, basis.name);
+        }
+    });
+}
+
+/// xᵀS y = yᵀS x: to rounding, or else to what the operator says of itself.
+#[test]
+fn the_operator_is_as_symmetric_as_it_says() {
+    for_all(|kind, basis| {
+        let system = system(&room(0.5, [0.0, 1.0]), kind, basis, &STRENGTHS[1]);
+        let exchange = &system.exchange;
+        let smooth = |phase: f64| {
+            MultiVector::from_fn(exchange.rows(), 1, |row, _| {
+                let cell = (0..system.space.cells()).find(|&cell| system.space.range(cell).contains(&row));
+                let p = system.scene.mesh.patch(cell.expect("a cell")).center();
+                1.0 + (2.0 * p.x + p.y - p.z + phase).sin()
+            })
+        };
+        let (x, y) = (smooth(0.0), smooth(1.3));
+        let [there, back] = [x.dot(&exchange.times(&y))[0], y.dot(&exchange.times(&x))[0]];
+        let allowed = if exchange.is_symmetric() { 1e-12 } else { TOLERANCE };
+        assert!((there - back).abs() <= allowed * there.abs(), "{} {}: {there} {back}", kind.name, basis.name);
+    });
+}
+
+/// A closed scene of uniform exitance and reflectance glows with B⁰/(1 − ρ) everywhere.
+#[test]
+fn a_furnace_glows_evenly() {
+    for_all(|kind, basis| {
+        let (rho, exitance) = (0.75, 2.0);
+        let solved = solve(&room(rho, [exitance; 2]), &options(kind, basis), &Silent).expect("solved");
+        for b in solved.solution.radiosity.as_slice() {
+            let expected = exitance / (1.0 - rho);
+            assert!((b - expected).abs() < 1e-6 * expected, "{} {}: {b}", kind.name, basis.name);
+        }
+    });
+}
+
+/// What lamps emit is absorbed: Galerkin's method balances power, and a closed scene loses none but for the operator's
+/// lack of symmetry.
+#[test]
+fn power_is_balanced() {
+    for_all(|kind, basis| {
+        let solved = solve(&room(0.6, [0.0, 100.0]), &options(kind, basis), &Silent).expect("solved");
+        let energy = &solved.energy;
+        assert!(energy.defect() < 1e-6, "{} {}: defect {}", kind.name, basis.name, energy.defect());
+        let escaped = (energy.escaped[0] / energy.emitted[0]).abs();
+        let allowed = if kind.name == exchange::Dense::NAME { 1e-8 } else { TOLERANCE };
+        assert!(escaped < allowed, "{} {}: escaped {escaped}", kind.name, basis.name);
+    });
+}
+
+#[test]
+fn nothing_goes_through_a_wall() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/two-rooms-walled.glb");
+    let (scene, _) = read_scene(&path).expect("a sample scene");
+    for_all(|kind, basis| {
+        let solved = solve(&scene, &options(kind, basis), &Silent).expect("solved").solution;
+        let (mut dark, mut lit) = (0, 0);
+        for cell in 0..solved.scene.mesh.cells.len() {
+            let values = &solved.radiosity.band(0)[solved.space.range(cell)];
+            if solved.scene.mesh.patch(cell).center().x > 4.1 {
+                assert!(values.iter().all(|&b| b == 0.0), "{} {}: {values:?}", kind.name, basis.name);
+                dark += 1;
+            } else {
+                lit += usize::from(values.iter().all(|&b| b > 0.0));
+            }
+        }
+        assert!(dark > 20 && lit > 20, "{dark} {lit}");
+    });
+}
+
+/// The kinds are independent ways to one number.
+#[test]
+fn all_kinds_agree_on_a_small_lamp() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell-box.glb");
+    let (scene, _) = read_scene(&path).expect("a sample scene");
+    let solved: Vec<_> = exchange::ALL
+        .iter()
+        .map(|kind| solve(&scene, &options(kind, &BASES[1]), &Silent).expect("solved").solution)
+        .collect();
+    for other in &solved[1..] {
+        let mass = hatbox::assemble::mass(&other.scene, &other.space);
+        let mut difference = other.irradiance.clone();
+        difference.add_scaled(-1.0, &solved[0].irradiance);
+        let square = |x: &MultiVector| x.dot(&mass.times(x)).iter().sum::<f64>();
+        let relative = (square(&difference) / square(&solved[0].irradiance)).sqrt();
+        // On 200 elements the joined and the broken irradiance differ by the discretisation's error.
+        assert!(relative < 0.12, "{relative}");
+    }
+}
+
+/// Another paint and another light on the same operator give what a system made afresh gives, to the last bit.
+#[test]
+fn new_materials_keep_the_operator() {
+    let continuity = Continuity::named("continuous").expect("a name");
+    for kind in exchange::ALL {
+        let (old, new) = (room(0.5, [0.0, 10.0]), room(0.7, [1.0, 3.0]));
+        let mut changed = system(&old, kind, &BASES[1], &STRENGTHS[1]);
+        changed.set_materials(new.materials.clone(), continuity).expect("the same cells");
+        let fresh = system(&new, kind, &BASES[1], &STRENGTHS[1]);
+        let params = hatbox::solve::Params { tolerance: 1e-7, ..Default::default() };
+        let [a, b] = [&changed, &fresh].map(|s| s.solve(s.best_solver(), &params, &Silent).expect("solved").0);
+        assert_eq!(a.radiosity, b.radiosity, "{}", kind.name);
+        assert_eq!(a.irradiance, b.irradiance, "{}", kind.name);
+        let fewer = changed.set_materials(vec![Material::diffuse("one", 0.5)], continuity);
+        assert_eq!(fewer, Err(MaterialsError::Geometry));
+    }
+}
+
+/// Rays that are cast again are the rays that were stored.
+#[test]
+fn memory_does_not_change_a_bit() {
+    let kind = exchange::kind(exchange::Sampled::NAME).expect("a kind");
+    let scene = room(0.6, [0.0, 100.0]);
+    let given = options(kind, &BASES[1]);
+    let stored = solve(&scene, &given, &Silent).expect("solved");
+    let recast = solve(&scene, &Options { memory: 1, ..given }, &Silent).expect("solved");
+    assert_eq!(stored.solution.radiosity, recast.solution.radiosity);
+    assert!(recast.operator.bytes < stored.operator.bytes);
+}
+
+/// The spread of two halves of the rays is an honest estimate of the operator's error: between a fifth and five times the
+/// difference to an operator of sixteen times the rays.
+#[test]
+fn the_spread_estimates_the_error() {
+    let kind = exchange::kind(exchange::Sampled::NAME).expect("a kind");
+    let scene = room(0.6, [0.0, 100.0]);
+    let coarse = solve(&scene, &options(kind, &BASES[1]), &Silent).expect("solved");
+    let fine = solve(&scene, &Options { tolerance: TOLERANCE / 8.0, ..options(kind, &BASES[1]) }, &Silent);
+    let fine = fine.expect("solved").solution;
+    let system = system(&scene, kind, &BASES[1], &STRENGTHS[1]);
+    let mass = hatbox::assemble::mass(&fine.scene, &fine.space);
+    let mut difference = coarse.solution.irradiance.clone();
+    difference.add_scaled(-1.0, &fine.irradiance);
+    let square = |x: &MultiVector| x.dot(&mass.times(x))[0];
+    let truth = (square(&difference) / square(&fine.irradiance)).sqrt();
+    let estimate = system.operator_error(&coarse.solution);
+    assert!(estimate > 0.2 * truth && estimate < 5.0 * truth, "{estimate} {truth}");
+}

@@ -1,0 +1,63 @@
+//! The scenes that `examples/generate` makes are sound.
+
+#[path = "../examples/generate/kinds/mod.rs"]
+mod kinds;
+
+use hatbox::check::Lighting;
+use hatbox::exchange;
+use hatbox::io::read_scene;
+use hatbox::mesh::Refinement;
+use hatbox::progress::Silent;
+use hatbox::radiosity::{Options, solve};
+use hatbox::scene::Scene;
+
+fn scene(kind: &kinds::Kind, elements: usize) -> (Scene, bool) {
+    let model = (kind.make)(elements);
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("scene.glb");
+    std::fs::write(&path, model.to_glb()).expect("written");
+    (read_scene(&path).expect("a scene").0, model.closed)
+}
+
+#[test]
+fn every_kind_is_sound() {
+    for kind in kinds::ALL {
+        let (scene, closed) = scene(kind, 1200);
+        let lighting = Lighting::of(&scene).expect("elements");
+        assert_eq!(lighting.escape == 0.0, closed, "{}: {}", kind.name, lighting.escape);
+        assert!(lighting.emitters > 0, "{}", kind.name);
+    }
+}
+
+#[test]
+fn every_kind_has_about_as_many_triangles_as_asked() {
+    for kind in kinds::ALL {
+        for elements in [2_000, 20_000] {
+            let triangles = (kind.make)(elements).triangles();
+            assert!(
+                (0.5..2.0).contains(&(triangles as f64 / elements as f64)),
+                "{} {elements}: {triangles}",
+                kind.name
+            );
+        }
+        assert_eq!((kind.make)(2_000).to_glb(), (kind.make)(2_000).to_glb(), "{}", kind.name);
+    }
+}
+
+#[test]
+fn every_kind_is_solved_by_rays() {
+    for kind in kinds::ALL {
+        let (scene, closed) = scene(kind, 1500);
+        let options = Options {
+            operator: exchange::kind(exchange::Sampled::NAME).expect("a kind"),
+            refinement: Refinement::Elements(3000),
+            tolerance: 0.02,
+            error_points: 0,
+            ..Options::default()
+        };
+        let solved = solve(&scene, &options, &Silent).expect("solved");
+        assert_eq!(solved.closure.balanced, closed, "{}", kind.name);
+        assert!(solved.operator_norm < 1.05, "{}: {}", kind.name, solved.operator_norm);
+        assert!(solved.energy.defect() < 1e-5, "{}: {}", kind.name, solved.energy.defect());
+    }
+}
