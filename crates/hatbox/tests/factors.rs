@@ -195,7 +195,7 @@ fn integrals_agree_with_those_the_other_way_round() {
     let sheet = level([0.5, 1.2], [0.2, 0.9], 0.15, true);
     let tolerance = 1e-3;
     let found = between(&[quads[0], quads[1], sheet], &Options { tolerance, ..Options::default() });
-    assert!(found.statistics.rays > 0);
+    assert!(found.statistics.clear_pairs < found.statistics.pairs);
     assert!(found.reversed_error < 5.0 * tolerance, "{}", found.reversed_error);
 }
 

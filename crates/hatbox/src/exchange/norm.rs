@@ -59,7 +59,11 @@ fn greatest_singular_value(columns: &[Vec<f64>]) -> f64 {
         for (column, x) in columns.iter().zip(&x) {
             image.iter_mut().zip(column).for_each(|(y, h)| *y += h * x);
         }
-        value = dot(&image, &image).sqrt() / dot(&x, &x).sqrt();
+        let length = dot(&x, &x).sqrt();
+        if length == 0.0 {
+            break;
+        }
+        value = dot(&image, &image).sqrt() / length;
         let back: Vec<f64> = columns.iter().map(|column| column.iter().zip(&image).map(|(h, y)| h * y).sum()).collect();
         let length = dot(&back, &back).sqrt();
         if length == 0.0 {

@@ -85,7 +85,7 @@ impl Matrix {
         }
     }
 
-    pub(super) fn corrected(&self, i: usize, j: usize, exchanged: f64) -> f64 {
+    fn corrected(&self, i: usize, j: usize, exchanged: f64) -> f64 {
         match &self.correction {
             // Nothing becomes of nothing; and what is not a number must stay one that is not.
             Some(correction) if exchanged != 0.0 => correction.apply(i, j, exchanged),

@@ -28,6 +28,12 @@ const OUTER_POINTS: f64 = 6.0;
 /// The part of the tolerance that goes to shadows. The pairs that a shadow's edge crosses are about √n of a row of n, each
 /// of about 1/n of its sum; with errors of τ √(s A) they would add up to τ A if all were of one sign.
 const SHARE: f64 = 0.25;
+/// A point this close to a side of a cone, relative to their distance, is hidden: walls that meet hide what is behind their
+/// edge, whatever rounding says.
+const EDGE: f64 = 1e-10;
+/// Pieces narrower than this fraction of the source are cracks between blockers, whose corners files round to single
+/// precision: a room that is walled up stays dark.
+const CRACK: f64 = 1e-7;
 /// Pieces of a source at the most; what is hidden of further ones counts as visible.
 const MAX_PIECES: usize = 64;
 /// Blockers closer to a point's line of sight than this, relative to their distance, are seen edge-on.
@@ -103,7 +109,7 @@ impl Shadow<'_> {
             self.affected.set(true);
         }
         let mut sum = [0.0; MAX_DOFS];
-        for piece in &pieces {
+        for piece in pieces.iter().filter(|piece| !hidden || width(piece) > CRACK * self.source.radius) {
             let values = Inner::new(self.source, piece).at(x, self.receiver.normal());
             sum = std::array::from_fn(|k| sum[k] + values[k]);
         }
@@ -168,7 +174,7 @@ fn remove_cone(pieces: &mut Vec<Polygon>, x: DVec3, blocker: &Polygon) -> bool {
         return false;
     }
     // Inward normals of the cone's sides.
-    let side = |k: usize| to(k).cross(to(k + 1)) * height.signum();
+    let side = |k: usize| (to(k).cross(to(k + 1)) * height.signum()).normalize_or_zero();
     let sides: arrayvec::ArrayVec<DVec3, POLYGON> = (0..count).map(side).collect();
     let mut hidden = false;
     let mut k = 0;
@@ -187,7 +193,7 @@ fn remove_cone(pieces: &mut Vec<Polygon>, x: DVec3, blocker: &Polygon) -> bool {
             pieces.swap(k, end);
         }
         for side in &sides {
-            let outside = clip(&piece, |y| -side.dot(y - x));
+            let outside = clip(&piece, |y| -side.dot(y - x) - EDGE * (y - x).length());
             if outside.len() >= 3 {
                 pieces.push(outside);
             }
@@ -198,6 +204,13 @@ fn remove_cone(pieces: &mut Vec<Polygon>, x: DVec3, blocker: &Polygon) -> bool {
         }
     }
     hidden
+}
+
+/// Twice the area over the circumference: between the least width and half of it.
+fn width(polygon: &Polygon) -> f64 {
+    let edge = |k: usize| polygon[k].distance(polygon[(k + 1) % polygon.len()]);
+    let circumference: f64 = (0..polygon.len()).map(edge).sum();
+    2.0 * polygon_area(polygon) / circumference.max(f64::MIN_POSITIVE)
 }
 
 /// Whether the segment between two points crosses a convex polygon.

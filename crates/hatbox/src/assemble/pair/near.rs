@@ -98,9 +98,8 @@ impl Cut {
 
     /// The whole panel if it is a parallelogram, else the triangles of the region.
     fn of(panel: &Panel, region: &Region) -> Vec<Self> {
-        if region.whole && panel.patch.shape() == Shape::Quad && panel.patch.is_affine() {
-            let [a, b, _, d] = panel.patch.corners() else { return Vec::new() };
-            return vec![Self { shape: Shape::Quad, origin: *a, u: b - a, v: d - a }];
+        if let (true, &[a, b, _, d]) = (region.whole && panel.patch.is_affine(), region.corners()) {
+            return vec![Self { shape: Shape::Quad, origin: a, u: b - a, v: d - a }];
         }
         region.triangles().map(Self::triangle).collect()
     }
