@@ -3,12 +3,13 @@
 use crate::args::{FactorsArgs, GroupKind, MeshArgs, RunArgs, Shown, SolveArgs, ViewArgs};
 use crate::failure::Failure;
 use glam::DVec3;
+use hatbox::adapt::{self, Focus};
 use hatbox::bake::Exposure;
 use hatbox::element::Basis;
 use hatbox::io::{WriteOptions, unit};
 use hatbox::mesh::Refinement;
 use hatbox::progress::Progress;
-use hatbox::radiosity::{self, Options};
+use hatbox::radiosity::{self, Options, Solution};
 use hatbox::render::RenderOptions;
 use hatbox::scene::Camera;
 use hatbox::space::Continuity;
@@ -37,11 +38,39 @@ pub(crate) fn solve(args: &SolveArgs) -> Options {
         basis: Basis::named(&args.basis).unwrap_or(defaults.basis),
         continuity: Continuity::named(&args.continuity).unwrap_or(defaults.continuity),
         refinement: refinement(&args.mesh).unwrap_or(defaults.refinement),
-        tolerance: args.accuracy.tolerance,
+        tolerance: 0.5 * args.tolerance,
         operator: exchange::kind(&args.operator).unwrap_or(defaults.operator),
         solver: solve::ALL.iter().find(|solver| solver.name == args.solver).map(|solver| solver.kind),
         seed: args.run.seed,
         error_points: defaults.error_points,
+    }
+}
+
+/// What refinement does when it is not told otherwise.
+pub(crate) fn adaptive_defaults() -> adapt::Options {
+    adapt::Options::default()
+}
+
+/// What to refine to; `None` if the mesh is given.
+pub(crate) fn adaptive(args: &SolveArgs) -> Option<adapt::Options> {
+    if refinement(&args.mesh).is_some() {
+        return None;
+    }
+    let defaults = adaptive_defaults();
+    Some(adapt::Options {
+        solve: Options { refinement: defaults.solve.refinement, ..solve(args) },
+        tolerance: args.tolerance,
+        most_coefficients: args.max_unknowns,
+        focus: args.focus.as_deref().map(focus),
+    })
+}
+
+/// A box if it looks like one, else a name.
+fn focus(text: &str) -> Focus {
+    let corners: Vec<DVec3> = text.split(';').filter_map(|corner| vector(corner.trim()).ok()).collect();
+    match corners[..] {
+        [a, b] => Focus::Box(a, b),
+        _ => Focus::Name(text.to_owned()),
     }
 }
 
@@ -64,10 +93,15 @@ fn refinement(args: &MeshArgs) -> Option<Refinement> {
     args.max_edge.map(Refinement::MaxEdge).or(args.elements.map(Refinement::Elements))
 }
 
+/// What of a solution is written: itself, or where it is wrong.
+pub(crate) fn shown(solution: Solution, args: &ViewArgs) -> Solution {
+    if args.quantity == Shown::Error { radiosity::error_of(&solution) } else { solution }
+}
+
 /// How solutions are written; `scene` is the camera of the scene.
 pub(crate) fn write<'a>(args: &ViewArgs, scene: Option<Camera>, progress: &'a dyn Progress) -> WriteOptions<'a> {
     let shown = match args.quantity {
-        Shown::Radiosity => radiosity::Shown::Radiosity,
+        Shown::Radiosity | Shown::Error => radiosity::Shown::Radiosity,
         Shown::Irradiance => radiosity::Shown::Irradiance,
     };
     WriteOptions {

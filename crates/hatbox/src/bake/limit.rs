@@ -215,7 +215,7 @@ impl<'a> Limiter<'a> {
                 }
                 // What rounding has left below zero.
                 if mean >= 0.0 {
-                    values.iter_mut().filter(|value| **value < 0.0 && element.degree < 2).for_each(|v| *v = 0.0);
+                    values.iter_mut().filter(|value| **value < 0.0).for_each(|value| *value = 0.0);
                 }
             }
         }

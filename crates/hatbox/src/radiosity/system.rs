@@ -1,5 +1,5 @@
 use super::operators::{Equation, InverseMass, Join, Mass, Symmetric, Transport, preconditioner};
-use super::{ErrorEstimate, Gather, Solution, estimate_error};
+use super::{ErrorEstimate, Estimated, Gather, Sampling, Solution, estimate_error};
 use crate::assemble::{Panel, load, mass, weighted_mass};
 use crate::element::{ALL, Basis};
 use crate::exchange::{self, Balanced, Exchange, ExchangeError, Geometry, Statistics};
@@ -129,8 +129,23 @@ pub struct Solved {
 /// # Errors
 /// [`Error`]; nothing is left behind.
 pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Solved, Error> {
-    let started = Instant::now();
     let scene = scene.refined(options.refinement, options.basis)?;
+    let no_focus = |_: &System, _: &Solution| Ok(None);
+    solve_subdivided(scene, options, no_focus, progress).map(|(solved, _)| solved)
+}
+
+/// Solves on the cells of the scene as they are. The error is estimated on the cells that `within` chooses, all if it
+/// chooses none; with it come the residuals it is made of.
+///
+/// # Errors
+/// [`Error`]; nothing is left behind.
+pub fn solve_subdivided(
+    scene: Scene,
+    options: &Options,
+    within: impl FnOnce(&System, &Solution) -> Result<Option<Vec<bool>>, SolveError>,
+    progress: &dyn Progress,
+) -> Result<(Solved, Vec<(usize, f64)>), Error> {
+    let started = Instant::now();
     let space = FunctionSpace::new(&scene, options.basis, options.continuity)?;
     let params = exchange::Params {
         seed: options.seed,
@@ -144,11 +159,13 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
     let (solution, info) =
         system.solve(kind, &solve::Params { tolerance: SOLVER_TOLERANCE, ..Default::default() }, progress)?;
     let solver_time = started.elapsed();
-    let error = (options.error_points > 0)
-        .then(|| estimate_error(&system, &solution, &info, options.error_points, options.seed, progress))
-        .transpose()
-        .map_err(SolveError::Interrupted)?;
-    Ok(Solved {
+    let within = within(&system, &solution)?;
+    let sampling = Sampling { points: options.error_points, seed: options.seed, within: within.as_deref() };
+    let estimated = (options.error_points > 0)
+        .then(|| estimate_error(&system, &solution, &info, &sampling, progress))
+        .transpose()?;
+    let (error, seen) = estimated.map_or((None, Vec::new()), |Estimated { error, seen }| (Some(error), seen));
+    let solved = Solved {
         energy: system.energy(&solution),
         unknowns: system.space.dofs(),
         operator: system.exchange.statistics(),
@@ -160,11 +177,12 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
         solver_time,
         error,
         solution,
-    })
+    };
+    Ok((solved, seen))
 }
 
 /// How strongly the light of each cell counts: its exitance over the mean irradiance that the scene's power makes.
-fn strengths(scene: &Scene) -> Vec<f64> {
+pub(super) fn strengths(scene: &Scene) -> Vec<f64> {
     let cells = scene.mesh.cells.len();
     let exitance = |cell: usize| {
         let site = scene.site(cell, [1.0 / 3.0, 1.0 / 3.0]);
@@ -241,7 +259,18 @@ impl System {
         params: &solve::Params,
         progress: &dyn Progress,
     ) -> Result<(Solution, Info), Error> {
-        let right_side = self.join.collect(&load(&self.scene, &self.space));
+        Ok(self.solve_for(&load(&self.scene, &self.space), kind, params, progress)?)
+    }
+
+    /// The same for another emission, given by its integrals ∫B⁰N_i against the broken functions.
+    fn solve_for(
+        &self,
+        load: &MultiVector,
+        kind: solve::Kind,
+        params: &solve::Params,
+        progress: &dyn Progress,
+    ) -> Result<(Solution, Info), SolveError> {
+        let right_side = self.join.collect(load);
         let reflectance = weighted_mass(&self.scene, &self.space);
         let transport = Transport {
             join: &self.join,
@@ -252,14 +281,14 @@ impl System {
         let mut b = self.inverse_mass().times(&right_side);
         let info = match (kind, self.root_reflectance()) {
             (solve::Kind::Cg, Some(root)) => {
-                let symmetric = Symmetric { mass: self.mass(), exchange: &self.exchange, root: &root };
+                let symmetric = Symmetric { mass: self.joined_mass(), exchange: &self.exchange, root: &root };
                 return self.solve_symmetric(&symmetric, &b, params, progress);
             }
             (solve::Kind::Neumann, _) => {
                 neumann(&self.inverse_mass(), &transport, &right_side, &mut b, params, progress)?
             }
             _ => {
-                let equation = Equation { mass: self.mass(), transport };
+                let equation = Equation { mass: self.joined_mass(), transport };
                 gmres(&equation, &*self.preconditioner, &right_side, &mut b, params, progress)?
             }
         };
@@ -272,7 +301,7 @@ impl System {
         emission: &MultiVector,
         params: &solve::Params,
         progress: &dyn Progress,
-    ) -> Result<(Solution, Info), Error> {
+    ) -> Result<(Solution, Info), SolveError> {
         let emission = self.join.spread(emission);
         let right_side = symmetric.reflected(&emission);
         let mut c = MultiVector::zeros(right_side.rows(), right_side.bands());
@@ -322,11 +351,36 @@ impl System {
         Gather { panels: &self.panels, blockers: &self.blockers, strengths: &self.strengths, solution }
     }
 
-    fn mass(&self) -> Mass<'_> {
+    /// What surfaces reflect, again and again, if they emit a function of the broken space: (I − RK)⁻¹RK of it, to three
+    /// digits, in the broken space.
+    ///
+    /// # Errors
+    /// [`SolveError`].
+    pub fn reflections(&self, emission: &MultiVector, progress: &dyn Progress) -> Result<MultiVector, SolveError> {
+        if emission.as_slice().iter().all(|&value| value == 0.0) {
+            return Ok(emission.clone());
+        }
+        let params = solve::Params { tolerance: 1e-3, ..Default::default() };
+        let (solution, _) = self.solve_for(&self.mass.times(emission), self.best_solver(), &params, progress)?;
+        let reflected = weighted_mass(&self.scene, &self.space).times(&solution.irradiance);
+        Ok(self.mass_inverse.times(&reflected))
+    }
+
+    /// Δ⁻¹ b⁰: what the scene emits, in the broken space.
+    pub(super) fn projected_emission(&self) -> MultiVector {
+        self.mass_inverse.times(&load(&self.scene, &self.space))
+    }
+
+    /// Δ of the broken space.
+    pub(super) fn mass(&self) -> &BlockDiagonal {
+        &self.mass
+    }
+
+    fn joined_mass(&self) -> Mass<'_> {
         Mass { join: &self.join, mass: &self.mass }
     }
 
     fn inverse_mass(&self) -> InverseMass<'_> {
-        InverseMass { mass: self.mass(), preconditioner: &*self.preconditioner }
+        InverseMass { mass: self.joined_mass(), preconditioner: &*self.preconditioner }
     }
 }

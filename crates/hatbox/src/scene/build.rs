@@ -7,7 +7,7 @@
 
 use super::{Camera, Material, Physics, Quantity, Scene, Surface};
 use crate::element::{Basis, Shape};
-use crate::mesh::{Builder, Corner, Mesh, RefineError, Refinement};
+use crate::mesh::{Bisected, Builder, Corner, Mesh, RefineError, Refinement};
 use glam::DVec3;
 use std::fmt;
 use std::sync::Arc;
@@ -166,6 +166,23 @@ impl Scene {
             self.mesh.refined(refinement)?
         };
         Ok(Self { mesh, surfaces: Arc::clone(&self.surfaces), ..self.clone() })
+    }
+
+    /// The scene with the marked cells refined, and few others ([`Mesh::bisected`]); quads stay as they are. Also for each
+    /// new cell the one that it is a piece of. What blocks light stays as it was.
+    ///
+    /// # Panics
+    /// If there is not one mark per cell.
+    #[must_use]
+    pub fn bisected(&self, marked: &[bool]) -> (Self, Vec<u32>) {
+        let Bisected { mesh, parents } = self.mesh.bisected(marked);
+        (Self { mesh, surfaces: Arc::clone(&self.surfaces), ..self.clone() }, parents)
+    }
+
+    /// The scene with every quad split into triangles.
+    #[must_use]
+    pub fn triangulated(&self) -> Self {
+        Self { mesh: self.mesh.triangulated(), surfaces: Arc::clone(&self.surfaces), ..self.clone() }
     }
 
     /// Whether two materials reflect and emit the same everywhere.
