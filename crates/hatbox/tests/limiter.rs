@@ -52,8 +52,7 @@ fn limiting_keeps_the_power_and_leaves_nothing_negative_in_any_basis() {
             let solution = solve(&shadow(), &options, &Silent).expect("solved").solution;
             let shown = limited(&solution);
             let name = format!("{continuity} {}", basis.name);
-            for (before, after) in
-                [(&solution.radiosity, &shown.radiosity), (&solution.irradiance, &shown.irradiance)]
+            for (before, after) in [(&solution.radiosity, &shown.radiosity), (&solution.irradiance, &shown.irradiance)]
             {
                 let (before, after) = (integrals(&solution, before)[0], integrals(&shown, after)[0]);
                 assert!((after / before - 1.0).abs() < 1e-12, "{name}: {before} {after}");

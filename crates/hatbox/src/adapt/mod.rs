@@ -13,10 +13,10 @@ mod focus;
 
 pub use focus::Focus;
 
+use crate::mesh::Refinement;
 use crate::progress::Progress;
 use crate::radiosity::{self, Error, Solution, Solved, System, local_error, solve_subdivided};
 use crate::scene::Scene;
-use crate::mesh::Refinement;
 use crate::solve::SolveError;
 use std::time::{Duration, Instant};
 

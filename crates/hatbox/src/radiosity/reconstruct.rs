@@ -73,9 +73,8 @@ fn at_node(scene: &Scene, gather: &Gather<'_>, cell: usize, at: [f64; 2], seed: 
     let x = patch.point(at).lerp(patch.center(), INWARD);
     let e = gather.irradiance(x, patch.normal(), scene.mesh.cells[cell].surface, seed);
     let (material, site) = (scene.material(cell), scene.site(cell, at));
-    let of = |(band, &e): (usize, &f64)| {
-        [material.exitance.at(&site, band) + material.reflectance.at(&site, band) * e, e]
-    };
+    let of =
+        |(band, &e): (usize, &f64)| [material.exitance.at(&site, band) + material.reflectance.at(&site, band) * e, e];
     e.iter().enumerate().map(of).collect()
 }
 

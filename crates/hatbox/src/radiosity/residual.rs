@@ -176,7 +176,8 @@ impl<'a> Measure<'a> {
         let panels = &self.system.panels;
         let indicated = local_error(self.solution);
         let error = |cell: usize| {
-            let band = |band: usize| if self.norms[band] > 0.0 { indicated.band(band)[cell] / self.norms[band] } else { 0.0 };
+            let band =
+                |band: usize| if self.norms[band] > 0.0 { indicated.band(band)[cell] / self.norms[band] } else { 0.0 };
             if self.counts(cell) { (0..indicated.bands()).map(band).sum::<f64>() } else { 0.0 }
         };
         let errors: Vec<f64> = (0..panels.len()).map(error).collect();

@@ -1,0 +1,199 @@
+//! Error estimates, local refinement, and solving to a tolerance.
+
+mod manufactured;
+#[expect(dead_code, reason = "not every test needs every mesh")]
+mod meshes;
+
+use glam::DVec3;
+use hatbox::adapt::{self, Focus};
+use hatbox::element::{ALL, Basis};
+use hatbox::mesh::{Mesh, Refinement, Topology};
+use hatbox::progress::Silent;
+use hatbox::quadrature::rule;
+use hatbox::radiosity::{Options, Shown, Solution, System, error_of, gathered, local_error, solve};
+use hatbox::scene::{Material, Physics, Quantity, Scene};
+use hatbox::space::{Continuity, FunctionSpace};
+use hatbox::{exchange, solve as solvers};
+use manufactured::{RHO, chosen, l2_error};
+use std::f64::consts::SQRT_2;
+
+/// A room with a lamp in its ceiling's place and a sheet that throws a shadow.
+fn room(split: bool) -> Scene {
+    let mut mesh = meshes::room(DVec3::ONE, |_| split);
+    mesh.cells[1].material = 1;
+    let sheet = [(0.3, 0.3), (0.7, 0.3), (0.7, 0.7), (0.3, 0.7)].map(|(x, y)| DVec3::new(x, y, 0.4));
+    meshes::face(&mut mesh, &sheet, 2);
+    let lamp = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("lamp", 0.0) };
+    let sheet = Material { two_sided: true, ..Material::diffuse("sheet", 0.3) };
+    Scene::new(mesh, vec![Material::diffuse("walls", 0.5), lamp, sheet], Physics::Light, None).expect("valid")
+}
+
+#[test]
+fn bisection_leaves_no_hanging_vertex_and_keeps_what_cells_are() {
+    let mut mesh = room(false).triangulated().mesh;
+    let area = mesh.area();
+    for round in 0..6_usize {
+        let marked: Vec<bool> = (0..mesh.cells.len()).map(|cell| (cell * 7 + round) % 11 == 0).collect();
+        let old = std::mem::take(&mut mesh);
+        let bisected = old.bisected(&marked);
+        mesh = bisected.mesh;
+        assert!((mesh.area() - area).abs() < 1e-12 * area);
+        assert_eq!(mesh.vertices[..old.vertices.len()], old.vertices, "vertices keep their numbers");
+        let (_, hanging) = mesh.conformed(1e-9);
+        assert_eq!(hanging, 0, "round {round}");
+        for (cell, &parent) in mesh.cells.iter().zip(&bisected.parents) {
+            let like = &old.cells[parent as usize];
+            assert_eq!((cell.material, cell.group, cell.surface), (like.material, like.group, like.surface));
+        }
+        let pieces = |cell: usize| bisected.parents.iter().filter(|&&p| p as usize == cell).count();
+        assert!((0..marked.len()).all(|cell| !marked[cell] || pieces(cell) == 4));
+        closed_as_before(&old, &mesh);
+    }
+}
+
+/// As many edges are open after refinement as were before, counted by length.
+fn closed_as_before(old: &Mesh, new: &Mesh) {
+    let open = |mesh: &Mesh| -> f64 {
+        let topology = Topology::new(mesh);
+        let length = |edge| {
+            let [a, b] = topology.vertices(edge).map(|v: u32| mesh.vertices[v as usize]);
+            a.distance(b)
+        };
+        topology.open_edges().map(length).sum()
+    };
+    assert!((open(old) - open(new)).abs() < 1e-9);
+}
+
+fn options(basis: &'static Basis, max_edge: f64) -> Options {
+    Options {
+        basis,
+        refinement: Refinement::MaxEdge(max_edge),
+        tolerance: 10f64.powi(-2 - basis.order as i32),
+        error_points: 256,
+        ..Options::default()
+    }
+}
+
+/// ‖B − B⁰‖ of the manufactured solution.
+fn reflected(solution: &Solution) -> f64 {
+    let mesh = &solution.scene.mesh;
+    let mut sum = 0.0;
+    for cell in 0..mesh.cells.len() {
+        let patch = mesh.patch(cell);
+        let rule = rule(patch.shape(), 5);
+        for (&at, weight) in rule.points.iter().zip(&rule.weights) {
+            let b0 = solution.scene.material(cell).exitance.at(&solution.scene.site(cell, at), 0);
+            sum += weight * patch.area() * (chosen(patch.point(at)) - b0).powi(2);
+        }
+    }
+    sum.sqrt()
+}
+
+/// The estimate over the true error lies between 1 and 5.
+#[test]
+fn estimates_are_effective_where_the_truth_is_known() {
+    for (basis, n) in [(&ALL[0], 4.0), (&ALL[1], 2.0), (&ALL[3], 2.0)] {
+        let longest = if basis.quad.is_some() { 1.0 } else { SQRT_2 };
+        let solved = solve(&manufactured::scene(), &options(basis, 1.001 * longest / n), &Silent).expect("solved");
+        let truth = l2_error(&solved.solution) / reflected(&solved.solution);
+        let estimate = solved.error.expect("asked for").relative;
+        let effectivity = estimate / truth;
+        assert!((1.0..5.0).contains(&effectivity), "{}: {effectivity} = {estimate} / {truth}", basis.name);
+    }
+}
+
+/// Sloan's iterate B⁰ + RKB̃ gains half an order at least.
+#[test]
+fn one_more_gather_gains_half_an_order() {
+    for basis in [&ALL[0], &ALL[1]] {
+        let longest = if basis.quad.is_some() { 1.0 } else { SQRT_2 };
+        let error = |n: f64| gathered_error(basis, 1.001 * longest / n);
+        let errors = [error(2.0), error(4.0)];
+        let order = (errors[0] / errors[1]).log2();
+        assert!(order > basis.order as f64 + 0.35, "{}: order {order}, errors {errors:?}", basis.name);
+    }
+}
+
+/// ‖B⁰ + RKB̃ − B‖ for the manufactured solution.
+fn gathered_error(basis: &'static Basis, max_edge: f64) -> f64 {
+    let scene = manufactured::scene().refined(Refinement::MaxEdge(max_edge), basis).expect("refined");
+    let space = FunctionSpace::new(&scene, basis, Continuity::Broken).expect("elements");
+    let params = exchange::Params::new(10f64.powi(-3 - basis.order as i32));
+    let system = System::new(scene, space, &exchange::ALL[0], &params, &Silent).expect("built");
+    let tight = solvers::Params { tolerance: 1e-10, ..Default::default() };
+    let (solution, _) = system.solve(system.best_solver(), &tight, &Silent).expect("solved");
+    let (gather, mesh) = (system.gather(&solution), &system.scene.mesh);
+    let mut sum = 0.0;
+    for cell in 0..mesh.cells.len() {
+        let patch = mesh.patch(cell);
+        let rule = rule(patch.shape(), 2);
+        for (&at, weight) in rule.points.iter().zip(&rule.weights) {
+            let x = patch.point(at);
+            let e = gather.irradiance(x, patch.normal(), mesh.cells[cell].surface, 0)[0];
+            let error = RHO * (e - manufactured::chosen_irradiance(x));
+            sum += weight * patch.area() * error * error;
+        }
+    }
+    sum.sqrt()
+}
+
+#[test]
+fn a_solution_gathered_at_its_nodes_is_close_to_itself_and_positive() {
+    let options = Options { refinement: Refinement::Elements(200), error_points: 0, ..Options::default() };
+    let solution = solve(&room(false), &options, &Silent).expect("solved").solution;
+    let again = gathered(&solution, 0, &Silent).expect("gathered");
+    let mut difference = again.radiosity.clone();
+    difference.add_scaled(-1.0, &solution.radiosity);
+    assert!(difference.norms()[0] < 0.1 * solution.radiosity.norms()[0]);
+    assert!(again.irradiance.as_slice().iter().all(|&e| e >= 0.0 && e <= 1.0), "no more than the lamp's exitance");
+}
+
+#[test]
+fn refinement_reaches_what_was_asked_and_goes_where_the_error_is() {
+    let options = adapt::Options {
+        solve: Options { refinement: Refinement::Elements(100), ..Options::default() },
+        tolerance: 0.05,
+        ..adapt::Options::default()
+    };
+    let adapted = adapt::solve(&room(false), &options, &Silent).expect("solved");
+    assert!(adapted.reached && adapted.rounds.len() > 1, "{:?}", adapted.rounds);
+    let estimate = |k: usize| adapted.rounds[k].estimate;
+    let last = adapted.rounds.len() - 1;
+    assert!(estimate(last) <= 0.05 && estimate(last - 1) > 0.05);
+    let solution = &adapted.solved.solution;
+    let areas: Vec<f64> = (0..solution.space.cells()).map(|cell| solution.scene.mesh.patch(cell).area()).collect();
+    let (least, greatest) = areas.iter().fold((f64::MAX, 0.0_f64), |(a, b), &x| (a.min(x), b.max(x)));
+    assert!(greatest >= 8.0 * least, "the mesh is uniform: {least} {greatest}");
+    assert!(adapted.solved.energy.defect() < 1e-9);
+    let few = adapt::Options { most_coefficients: 400, ..options };
+    assert!(!adapt::solve(&room(false), &few, &Silent).expect("solved").reached);
+}
+
+#[test]
+fn with_a_focus_the_rest_is_refined_less() {
+    let solve = Options { refinement: Refinement::Elements(100), ..Options::default() };
+    let all = adapt::Options { solve, tolerance: 0.05, ..adapt::Options::default() };
+    let focused = adapt::Options { focus: Some(Focus::Name("sheet".to_owned())), ..all.clone() };
+    let elements = |options: &adapt::Options| {
+        let adapted = adapt::solve(&room(false), options, &Silent).expect("solved");
+        assert!(adapted.reached, "{:?}", adapted.rounds);
+        adapted.solved.solution.space.cells()
+    };
+    assert!(elements(&focused) < elements(&all));
+}
+
+#[test]
+fn where_light_is_uniform_nothing_is_indicated() {
+    let mesh = meshes::room(DVec3::ONE, |_| false);
+    let furnace = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("furnace", 0.5) };
+    let scene = Scene::new(mesh, vec![furnace], Physics::Light, None).expect("valid");
+    for basis in &ALL {
+        let options = Options { basis, refinement: Refinement::Elements(48), tolerance: 1e-4, ..Options::default() };
+        let solved = solve(&scene, &options, &Silent).expect("solved");
+        let error = local_error(&solved.solution);
+        assert!(error.as_slice().iter().all(|&e| e < 1e-8), "{}", basis.name);
+        assert_eq!(error_of(&solved.solution).evaluate(Shown::Radiosity, 3, [0.2, 0.2], 0), error.band(0)[3]);
+        let estimate = solved.error.expect("asked for");
+        assert!(estimate.relative < 1e-3, "{}: {estimate:?}", basis.name);
+    }
+}
