@@ -82,6 +82,11 @@ pub(crate) struct SolveArgs {
     /// Gather the light once more at the vertices of the output: sharper shadows, half an order more accurate
     #[arg(long)]
     pub(crate) gather: bool,
+    /// Put vertices of the subdivision at t^Q from the edges of faces: finer there, where light varies most
+    ///
+    /// 2 suits linear and 3 quadratic functions. Faces that are triangles are graded towards all of their edges.
+    #[arg(long, value_name = "Q", default_value_t = 1.0, value_parser = options::grading)]
+    pub(crate) grading: f64,
     /// How the exchange of light between elements is kept
     #[arg(long, default_value = options::AUTO, value_parser = operators())]
     pub(crate) operator: String,

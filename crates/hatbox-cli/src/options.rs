@@ -38,6 +38,7 @@ pub(crate) fn solve(args: &SolveArgs) -> Options {
         basis: Basis::named(&args.basis).unwrap_or(defaults.basis),
         continuity: Continuity::named(&args.continuity).unwrap_or(defaults.continuity),
         refinement: refinement(&args.mesh).unwrap_or(defaults.refinement),
+        grading: args.grading,
         tolerance: 0.5 * args.tolerance,
         operator: exchange::kind(&args.operator).unwrap_or(defaults.operator),
         solver: solve::ALL.iter().find(|solver| solver.name == args.solver).map(|solver| solver.kind),
@@ -180,6 +181,12 @@ fn number(text: &str) -> Result<f64, String> {
 pub(crate) fn positive(text: &str) -> Result<f64, String> {
     let value = number(text)?;
     if value > 0.0 { Ok(value) } else { Err("it must be greater than 0".to_owned()) }
+}
+
+/// Parses an exponent of grading.
+pub(crate) fn grading(text: &str) -> Result<f64, String> {
+    let value = number(text)?;
+    if (1.0..=8.0).contains(&value) { Ok(value) } else { Err("it must lie between 1 and 8".to_owned()) }
 }
 
 /// Parses a whole number greater than 0.

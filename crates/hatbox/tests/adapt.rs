@@ -197,3 +197,71 @@ fn where_light_is_uniform_nothing_is_indicated() {
         assert!(estimate.relative < 1e-3, "{}: {estimate:?}", basis.name);
     }
 }
+
+#[test]
+fn graded_meshes_fit_together_and_keep_area_and_corners() {
+    for split in [false, true] {
+        let scene = room(split);
+        for basis in [&ALL[0], &ALL[1]] {
+            let uniform = scene.refined(Refinement::MaxEdge(0.26), basis).expect("refined");
+            let graded = scene.refined_graded(Refinement::MaxEdge(0.26), 2.0, basis).expect("refined");
+            assert!((graded.mesh.area() - uniform.mesh.area()).abs() < 1e-12);
+            assert_eq!(graded.mesh.conformed(1e-9).1, 0, "hanging vertices");
+            assert_eq!(graded.mesh.vertices[..scene.mesh.vertices.len()], scene.mesh.vertices);
+            let least = |scene: &Scene| {
+                let widths = (0..scene.mesh.cells.len()).map(|cell| {
+                    let patch = scene.mesh.patch(cell);
+                    patch.area() / patch.longest_edge()
+                });
+                widths.fold(f64::MAX, f64::min)
+            };
+            assert!(least(&graded) < 0.6 * least(&uniform));
+        }
+    }
+}
+
+/// The interpolation error of the distance to the nearest edge, to the power β = 0.63 of an edge of ρ = 0.8: order β + ½ on
+/// uniform meshes, that of the basis on graded ones.
+#[test]
+fn grading_gives_the_order_back_that_edges_take() {
+    let scene = Scene::new(
+        meshes::room(DVec3::ONE, |_| false),
+        vec![Material::diffuse("walls", 0.8)],
+        Physics::Light,
+        None,
+    );
+    let scene = scene.expect("valid");
+    for (basis, q) in [(&ALL[1], 2.0), (&ALL[3], 3.0)] {
+        let order = |q: f64| {
+            let error = |n: f64| interpolation_error(&scene, basis, 1.001 * SQRT_2 / n, q);
+            (error(16.0) / error(32.0)).log2()
+        };
+        let (uniform, graded) = (order(1.0), order(q));
+        assert!(uniform < 1.3, "{}: uniform {uniform}", basis.name);
+        assert!(graded > basis.order as f64 - 0.25, "{}: graded {graded}", basis.name);
+    }
+}
+
+/// The distance of a point of the unit cube's surface from the nearest edge, to the power 0.63.
+fn singular(p: DVec3) -> f64 {
+    let mut distances = p.to_array().map(|x| x.min(1.0 - x).max(0.0));
+    distances.sort_by(f64::total_cmp);
+    distances[1].powf(0.63)
+}
+
+fn interpolation_error(scene: &Scene, basis: &'static Basis, max_edge: f64, q: f64) -> f64 {
+    // Splitting quads before or after subdividing them gives cells of the same size.
+    let max_edge = if q == 1.0 { max_edge } else { max_edge / SQRT_2 };
+    let mesh = scene.refined_graded(Refinement::MaxEdge(max_edge), q, basis).expect("refined").mesh;
+    let mut sum = 0.0;
+    for cell in 0..mesh.cells.len() {
+        let (patch, element) = (mesh.patch(cell), basis.triangle);
+        let values: Vec<f64> = element.nodes.iter().map(|node| singular(patch.point(node.at))).collect();
+        let rule = rule(patch.shape(), 8);
+        for (&at, weight) in rule.points.iter().zip(&rule.weights) {
+            let found: f64 = values.iter().zip(element.values(at)).map(|(v, n)| v * n).sum();
+            sum += weight * patch.area() * (found - singular(patch.point(at))).powi(2);
+        }
+    }
+    sum.sqrt()
+}

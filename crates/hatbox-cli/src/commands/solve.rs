@@ -10,6 +10,7 @@ use hatbox::adapt;
 use hatbox::io::{self, WriteOptions};
 use hatbox::radiosity::{self, Solution, gathered, solve};
 use hatbox::report::Report;
+use hatbox::mesh::Refinement;
 use hatbox::scene::Scene;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -88,7 +89,8 @@ pub(super) fn write(
 fn check_focus(scene: &Scene, options: &adapt::Options) -> Result<(), Failure> {
     let Some(focus) = &options.focus else { return Ok(()) };
     // A box may hold no middle of a face, and yet middles of smaller cells.
-    if matches!(focus, adapt::Focus::Box(..)) || focus.cells(scene).contains(&true) {
+    let fine = scene.refined(Refinement::Elements(options.most_coefficients), options.solve.basis);
+    if fine.is_ok_and(|fine| focus.cells(&fine).contains(&true)) {
         return Ok(());
     }
     let mut names: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();
@@ -96,5 +98,5 @@ fn check_focus(scene: &Scene, options: &adapt::Options) -> Result<(), Failure> {
     names.dedup();
     names.truncate(20);
     let help = format!("use a box X,Y,Z;X,Y,Z or one of: {}", names.join(", "));
-    Err(Failure::with_help("--focus: no material and no object has that name".to_owned(), help))
+    Err(Failure::with_help("--focus: no material and no object has that name, and no surface lies in such a box".to_owned(), help))
 }

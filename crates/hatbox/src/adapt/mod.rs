@@ -83,7 +83,10 @@ pub struct Adapted {
 pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Adapted, Error> {
     let mut settings = options.solve;
     settings.tolerance = OPERATOR_SHARE * options.tolerance;
-    let mut scene = scene.triangulated().refined(settings.refinement, settings.basis)?;
+    let mut scene = first_mesh(scene, &settings)?;
+    if let Some(focus) = &options.focus {
+        scene = in_focus(scene, focus, options);
+    }
     let mut rounds = Vec::new();
     loop {
         let started = Instant::now();
@@ -112,6 +115,21 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
         }
         scene = finer;
     }
+}
+
+/// Triangles to start from.
+fn first_mesh(scene: &Scene, settings: &radiosity::Options) -> Result<Scene, Error> {
+    let scene = if settings.grading == 1.0 { scene.triangulated() } else { scene.clone() };
+    Ok(scene.refined_graded(settings.refinement, settings.grading, settings.basis)?.triangulated())
+}
+
+/// The scene halved all over until some cell is in focus, as long as it may grow.
+fn in_focus(mut scene: Scene, focus: &Focus, options: &Options) -> Scene {
+    let most = options.most_coefficients / options.solve.basis.triangle.dofs();
+    while !focus.cells(&scene).contains(&true) && 4 * scene.mesh.cells.len() <= most {
+        scene = scene.bisected(&vec![true; scene.mesh.cells.len()]).0;
+    }
+    scene
 }
 
 /// The square of the error of each cell relative to the reflected light, summed over bands, times its importance.

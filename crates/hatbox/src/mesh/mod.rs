@@ -11,6 +11,7 @@ mod conform;
 mod contact;
 mod corner;
 mod diagnose;
+mod grade;
 mod intersect;
 mod patch;
 mod refine;

@@ -28,6 +28,8 @@ use rayon::prelude::*;
 
 /// A part of the scene with fewer points than this has no mean.
 const LEAST_POINTS: usize = 6;
+/// A residual that is smaller than B̃ by this factor is none.
+const ROUNDING: f64 = 1e-12;
 /// Directions of normals that tell parts apart: ± each axis.
 const DIRECTIONS: usize = 6;
 
@@ -94,7 +96,11 @@ pub fn estimate_error(
         let (emitted, leaving) = (energy.emitted[band], energy.leaving[band]);
         if leaving > 0.0 { -emitted / leaving } else { -1.0 }
     };
-    let relative = |value: f64, band: usize| if value == 0.0 { 0.0 } else { value / measure.norms[band] };
+    let whole = measure.norms_within(&solution.radiosity);
+    // Where nothing is reflected there is nothing to be wrong but the last digits of the emission.
+    let relative = |value: f64, band: usize| {
+        if value <= ROUNDING * whole[band] { 0.0 } else { value / measure.norms[band] }
+    };
     let residual = |band: usize| relative(residuals[band][0], band);
     let data = |band: usize| relative(residuals[band][1], band);
     let error = ErrorEstimate {

@@ -25,6 +25,9 @@ pub struct Options {
     pub continuity: Continuity,
     /// How the mesh is subdivided.
     pub refinement: Refinement,
+    /// Vertices of the subdivision are at t^q from the edges of faces, this being q: 1 for a uniform subdivision, 2 for
+    /// linear and 3 for quadratic functions to have their order in spite of the edges.
+    pub grading: f64,
     /// Relative error that the operator may have.
     pub tolerance: f64,
     /// The kind of exchange operator.
@@ -44,6 +47,7 @@ impl Default for Options {
             basis: &ALL[1],
             continuity: Continuity::Continuous { crease_angle: CREASE_ANGLE },
             refinement: Refinement::Elements(3000),
+            grading: 1.0,
             tolerance: 1e-2,
             operator: &exchange::ALL[0],
             solver: None,
@@ -129,7 +133,7 @@ pub struct Solved {
 /// # Errors
 /// [`Error`]; nothing is left behind.
 pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Solved, Error> {
-    let scene = scene.refined(options.refinement, options.basis)?;
+    let scene = scene.refined_graded(options.refinement, options.grading, options.basis)?;
     let no_focus = |_: &System, _: &Solution| Ok(None);
     solve_subdivided(scene, options, no_focus, progress).map(|(solved, _)| solved)
 }
