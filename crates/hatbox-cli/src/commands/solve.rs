@@ -8,9 +8,9 @@ use crate::style::Style;
 use crate::{options, output, summary};
 use hatbox::adapt;
 use hatbox::io::{self, WriteOptions};
+use hatbox::mesh::Refinement;
 use hatbox::radiosity::{self, Solution, gathered, solve};
 use hatbox::report::Report;
-use hatbox::mesh::Refinement;
 use hatbox::scene::Scene;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -98,5 +98,8 @@ fn check_focus(scene: &Scene, options: &adapt::Options) -> Result<(), Failure> {
     names.dedup();
     names.truncate(20);
     let help = format!("use a box X,Y,Z;X,Y,Z or one of: {}", names.join(", "));
-    Err(Failure::with_help("--focus: no material and no object has that name, and no surface lies in such a box".to_owned(), help))
+    Err(Failure::with_help(
+        "--focus: no material and no object has that name, and no surface lies in such a box".to_owned(),
+        help,
+    ))
 }

@@ -27,6 +27,9 @@ use glam::{DMat3, DVec3};
 /// A plane through means is not trusted if the points of its cells are closer to a line than this (relative).
 const FLAT: f64 = 1e-6;
 
+/// A negative value smaller than the greatest by this factor is zero.
+const ROUNDING: f64 = 1e-14;
+
 /// The solution limited: B and E as above, with the same power on every joined surface, nowhere negative where their mean
 /// over the surface is not, and between their neighbours' means.
 pub fn limited(solution: &Solution) -> Solution {
@@ -213,12 +216,14 @@ impl<'a> Limiter<'a> {
                 for value in values.iter_mut() {
                     *value = mean + theta * (*value - mean);
                 }
-                // What rounding has left below zero.
-                if mean >= 0.0 {
-                    values.iter_mut().filter(|value| **value < 0.0).for_each(|value| *value = 0.0);
-                }
             }
         }
+        // What rounding has left below zero.
+        let greatest = values.iter().fold(0.0, |a: f64, value| a.max(value.abs()));
+        values
+            .iter_mut()
+            .filter(|value| **value < 0.0 && **value > -ROUNDING * greatest)
+            .for_each(|value| *value = 0.0);
     }
 
     fn node_bounds(&self, cell: usize, on: Entity, bounds: &[Bounds]) -> Bounds {
