@@ -32,7 +32,7 @@ Examples:
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Compute the radiosity of a scene
-    Solve(SolveArgs),
+    Solve(Box<SolveArgs>),
     /// Compute view factors between elements or named parts
     Factors(FactorsArgs),
     /// Evaluate a solution at points

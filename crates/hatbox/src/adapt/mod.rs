@@ -119,7 +119,7 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
 
 /// Triangles to start from.
 fn first_mesh(scene: &Scene, settings: &radiosity::Options) -> Result<Scene, Error> {
-    let scene = if settings.grading == 1.0 { scene.triangulated() } else { scene.clone() };
+    let scene = if settings.grading <= 1.0 { scene.triangulated() } else { scene.clone() };
     Ok(scene.refined_graded(settings.refinement, settings.grading, settings.basis)?.triangulated())
 }
 

@@ -193,8 +193,8 @@ impl<'a> Limiter<'a> {
         let across = |v: DVec3| v - first * v.dot(first);
         let widest = offsets().map(across).max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))?;
         // A corner of one cell only: its own corners tell the plane.
-        let own = self.corners[star[0] as usize].iter().map(|&corner| across(self.positions[corner] - origin));
-        let second = widest.try_normalize().or_else(|| own.filter_map(DVec3::try_normalize).next())?;
+        let mut own = self.corners[star[0] as usize].iter().map(|&corner| across(self.positions[corner] - origin));
+        let second = widest.try_normalize().or_else(|| own.find_map(DVec3::try_normalize))?;
         Some([first, second])
     }
 

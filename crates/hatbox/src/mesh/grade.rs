@@ -21,7 +21,7 @@ impl Mesh {
     /// [`RefineError`], as for an ungraded subdivision.
     pub fn refined_graded(&self, refinement: Refinement, q: f64) -> Result<Self, RefineError> {
         let (fine, parents) = self.refined_with_parents(refinement)?;
-        if q == 1.0 {
+        if q <= 1.0 {
             return Ok(fine);
         }
         let mut vertices = fine.vertices.clone();

@@ -62,7 +62,7 @@ impl Gather<'_> {
         let weight = self.strengths.get(cell).copied().unwrap_or(1.0) * panel.area() / (distance * distance);
         let rays = (weight / FINEST).ceil().clamp(1.0, f64::from(MAX_RAYS)) as u32;
         let visible = seeds.map(|seed| self.visible_share(panel, x, n, surface, hash(seed, cell as u64), rays));
-        if visible == [0.0; N] {
+        if visible.iter().all(|&share| share <= 0.0) {
             return;
         }
         let functions = self.solution.space.range(cell);

@@ -58,7 +58,7 @@ fn nodes(space: &FunctionSpace) -> Vec<(usize, usize)> {
     let Some(c) = space.continuity() else { return all.collect() };
     let mut first = vec![(usize::MAX, 0); space.dofs()];
     for (dof, place) in all.enumerate() {
-        for (unknown, _) in c.row(dof).filter(|&(_, share)| share == 1.0) {
+        for (unknown, _) in c.row(dof) {
             if first[unknown].0 == usize::MAX {
                 first[unknown] = place;
             }

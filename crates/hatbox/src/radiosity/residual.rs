@@ -19,6 +19,7 @@
 
 use super::indicator::reflected_once_more;
 use super::{Shown, Solution, System, local_error};
+use crate::assemble::Panel;
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::mesh::Mesh;
 use crate::progress::{Interrupted, Progress};
@@ -188,7 +189,7 @@ impl<'a> Measure<'a> {
         };
         let errors: Vec<f64> = (0..panels.len()).map(error).collect();
         let squares: f64 = errors.iter().zip(panels).map(|(e, panel)| e * e * panel.area()).sum();
-        let all: f64 = panels.iter().map(|panel| panel.area()).sum();
+        let all: f64 = panels.iter().map(Panel::area).sum();
         let within: f64 = (0..panels.len()).filter(|&c| self.counts(c)).map(|c| panels[c].area()).sum();
         let density = |cell: usize| {
             let here = if self.counts(cell) && within > 0.0 { 1.0 / within } else { 0.0 };

@@ -174,7 +174,7 @@ impl Scene {
     /// # Errors
     /// [`RefineError`] if the subdivision is impossible or too fine.
     pub fn refined_graded(&self, refinement: Refinement, q: f64, basis: &Basis) -> Result<Self, RefineError> {
-        if q == 1.0 {
+        if q <= 1.0 {
             return self.refined(refinement, basis);
         }
         let quads = self.mesh.cells.iter().any(|cell| cell.shape == Shape::Quad);
