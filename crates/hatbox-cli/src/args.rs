@@ -32,7 +32,7 @@ Examples:
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Compute the radiosity of a scene
-    Solve(SolveArgs),
+    Solve(Box<SolveArgs>),
     /// Compute view factors between elements or named parts
     Factors(FactorsArgs),
     /// Evaluate a solution at points
@@ -66,8 +66,27 @@ pub(crate) struct SolveArgs {
     /// except at creases and where the material changes. `broken` keeps every element on its own.
     #[arg(long, default_value = options::defaults().continuity.name(), value_parser = continuities())]
     pub(crate) continuity: String,
-    #[command(flatten)]
-    pub(crate) accuracy: Accuracy,
+    /// Relative error of the reflected light (in L2, estimated) to refine the mesh to, such as 1% or 0.01
+    ///
+    /// The mesh is refined where the light needs it until the estimated error is no greater. With --max-edge or
+    /// --elements the mesh is as they say, and the estimate tells what was reached. Quadrature and shadow rays follow:
+    /// they may have half of the error.
+    #[arg(long, value_name = "T", default_value = "2%", value_parser = options::tolerance)]
+    pub(crate) tolerance: f64,
+    /// Stop refining before a band has more coefficients (3 for a linear element); the operator takes 4 N² bytes
+    #[arg(long, value_name = "N", default_value_t = options::adaptive_defaults().most_coefficients, value_parser = options::count)]
+    pub(crate) max_unknowns: usize,
+    /// Where the error counts: a material, an object, or a box X,Y,Z;X,Y,Z. Elsewhere only as far as it matters there
+    #[arg(long, value_name = "NAME|BOX", conflicts_with_all = ["max_edge", "elements"])]
+    pub(crate) focus: Option<String>,
+    /// Gather the light once more at the vertices of the output: sharper shadows, half an order more accurate
+    #[arg(long)]
+    pub(crate) gather: bool,
+    /// Put vertices of the subdivision at t^Q from the edges of faces: finer there, where light varies most
+    ///
+    /// 2 suits linear and 3 quadratic functions. Faces that are triangles are graded towards all of their edges.
+    #[arg(long, value_name = "Q", default_value_t = 1.0, value_parser = options::grading)]
+    pub(crate) grading: f64,
     /// How the exchange of light between elements is kept
     #[arg(long, default_value = options::AUTO, value_parser = operators())]
     pub(crate) operator: String,
@@ -91,7 +110,8 @@ pub(crate) struct SolveArgs {
 const SOLVE_EXAMPLES: &str = "\
 Examples:
   hatbox solve room.glb -o room-lit.glb
-  hatbox solve room.obj --max-edge 10cm --tolerance 0.1% -o room.npz -o room.vtu
+  hatbox solve room.obj --tolerance 0.5% -o room.npz -o room.vtu
+  hatbox solve room.glb --tolerance 1% --focus desk -o room.npz
   hatbox solve room.toml --basis quadratic --elements 2000 -o room.png --camera '2,1.6,3;0,1,0'
   hatbox solve room.glb --json | jq .energy.mean_irradiance";
 
@@ -212,9 +232,7 @@ pub(crate) struct SceneArgument {
 pub(crate) struct Accuracy {
     /// Relative error that form factors and visibility may have, such as 1% or 0.01
     ///
-    /// Quadrature and shadow rays follow from it. It does not control the discretisation: the error that the size and
-    /// order of the elements leave is estimated and reported by `solve`; where it is too large, ask for smaller elements
-    /// or a higher basis.
+    /// Quadrature and shadow rays follow from it.
     #[arg(long, value_name = "T", default_value = "1%", value_parser = options::tolerance)]
     pub(crate) tolerance: f64,
 }
@@ -225,7 +243,7 @@ pub(crate) struct MeshArgs {
     /// Subdivide until no edge is longer, such as 0.1 (metres) or 10cm
     #[arg(long, value_name = "LENGTH", value_parser = options::length)]
     pub(crate) max_edge: Option<f64>,
-    /// Subdivide to about this many elements [default: 3000]
+    /// Subdivide to about this many elements
     #[arg(long, value_name = "N", value_parser = options::count)]
     pub(crate) elements: Option<usize>,
 }
@@ -294,6 +312,8 @@ pub(crate) enum Shown {
     Radiosity,
     /// What arrives at them
     Irradiance,
+    /// The indicated error of what leaves them, element by element
+    Error,
 }
 
 /// A parser of names with a line of help each.

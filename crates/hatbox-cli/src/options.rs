@@ -4,12 +4,13 @@ use crate::args::{FactorsArgs, GroupKind, MeshArgs, RunArgs, Shown, SolveArgs, V
 use crate::failure::Failure;
 use crate::memory;
 use glam::DVec3;
+use hatbox::adapt::{self, Focus};
 use hatbox::bake::Exposure;
 use hatbox::element::Basis;
 use hatbox::io::{WriteOptions, unit};
 use hatbox::mesh::Refinement;
 use hatbox::progress::Progress;
-use hatbox::radiosity::{self, Options};
+use hatbox::radiosity::{self, Options, Solution};
 use hatbox::render::RenderOptions;
 use hatbox::scene::Camera;
 use hatbox::space::Continuity;
@@ -41,7 +42,8 @@ pub(crate) fn solve(args: &SolveArgs) -> Options {
         basis: Basis::named(&args.basis).unwrap_or(defaults.basis),
         continuity: Continuity::named(&args.continuity).unwrap_or(defaults.continuity),
         refinement: refinement(&args.mesh).unwrap_or(defaults.refinement),
-        tolerance: args.accuracy.tolerance,
+        grading: args.grading,
+        tolerance: 0.5 * args.tolerance,
         operator: exchange::kind(&args.operator).unwrap_or(defaults.operator),
         solver: solve::ALL.iter().find(|solver| solver.name == args.solver).map(|solver| solver.kind),
         seed: args.run.seed,
@@ -53,6 +55,34 @@ pub(crate) fn solve(args: &SolveArgs) -> Options {
 /// The closure of view factors if none is asked for.
 pub(crate) fn default_closure() -> &'static str {
     ClosureMethodKind::default().name()
+}
+
+/// What refinement does when it is not told otherwise.
+pub(crate) fn adaptive_defaults() -> adapt::Options {
+    adapt::Options::default()
+}
+
+/// What to refine to; `None` if the mesh is given.
+pub(crate) fn adaptive(args: &SolveArgs) -> Option<adapt::Options> {
+    if refinement(&args.mesh).is_some() {
+        return None;
+    }
+    let defaults = adaptive_defaults();
+    Some(adapt::Options {
+        solve: Options { refinement: defaults.solve.refinement, ..solve(args) },
+        tolerance: args.tolerance,
+        most_coefficients: args.max_unknowns,
+        focus: args.focus.as_deref().map(focus),
+    })
+}
+
+/// A box if it looks like one, else a name.
+fn focus(text: &str) -> Focus {
+    let corners: Vec<DVec3> = text.split(';').filter_map(|corner| vector(corner.trim()).ok()).collect();
+    match corners[..] {
+        [a, b] => Focus::Box(a, b),
+        _ => Focus::Name(text.to_owned()),
+    }
 }
 
 /// What view factors to compute and how.
@@ -78,10 +108,15 @@ fn refinement(args: &MeshArgs) -> Option<Refinement> {
     args.max_edge.map(Refinement::MaxEdge).or(args.elements.map(Refinement::Elements))
 }
 
+/// What of a solution is written: itself, or where it is wrong.
+pub(crate) fn shown(solution: Solution, args: &ViewArgs) -> Solution {
+    if args.quantity == Shown::Error { radiosity::error_of(&solution) } else { solution }
+}
+
 /// How solutions are written; `scene` is the camera of the scene.
 pub(crate) fn write<'a>(args: &ViewArgs, scene: Option<Camera>, progress: &'a dyn Progress) -> WriteOptions<'a> {
     let shown = match args.quantity {
-        Shown::Radiosity => radiosity::Shown::Radiosity,
+        Shown::Radiosity | Shown::Error => radiosity::Shown::Radiosity,
         Shown::Irradiance => radiosity::Shown::Irradiance,
     };
     WriteOptions {
@@ -160,6 +195,12 @@ fn number(text: &str) -> Result<f64, String> {
 pub(crate) fn positive(text: &str) -> Result<f64, String> {
     let value = number(text)?;
     if value > 0.0 { Ok(value) } else { Err("it must be greater than 0".to_owned()) }
+}
+
+/// Parses an exponent of grading.
+pub(crate) fn grading(text: &str) -> Result<f64, String> {
+    let value = number(text)?;
+    if (1.0..=8.0).contains(&value) { Ok(value) } else { Err("it must lie between 1 and 8".to_owned()) }
 }
 
 /// Parses a whole number greater than 0.

@@ -145,13 +145,30 @@ fn error(lines: &mut Lines, report: &Report) {
     lines.line(
         "Error",
         &format!(
-            "about {} of the reflected light (estimated: residual {} / absorption {})",
+            "about {} of the reflected light (estimated: residual {}, its reflections {})",
             percent(error.estimate),
             percent(error.residual),
-            percent(error.absorption)
+            percent(error.propagated)
         ),
     );
-    lines.more(&format!("operator {}, solver {:.0e}", percent(error.operator), error.solver));
+    lines.more(&format!(
+        "from data {}, discretisation {}; operator {}, solver {:.0e}",
+        percent(error.data),
+        percent(error.discretisation),
+        percent(error.operator),
+        error.solver
+    ));
+    let Some(adaptivity) = &report.adaptivity else { return };
+    let asked = percent(adaptivity.tolerance);
+    let rounds = adaptivity.rounds.len();
+    if adaptivity.reached {
+        lines.more(&format!("asked: {asked}, reached in {rounds} rounds"));
+    } else {
+        let most = adaptivity.most_coefficients;
+        lines.more(&format!(
+            "asked: {asked}, NOT reached: the next mesh would have more than {most} coefficients (--max-unknowns)"
+        ));
+    }
 }
 
 /// What `factors` did.

@@ -7,6 +7,7 @@ mod failures;
 #[path = "cli/solutions.rs"]
 mod solutions;
 
+use failures::fail;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -145,6 +146,22 @@ fn lengths_and_tolerances_are_understood() {
     command.arg("solve").arg(sample(CUBE)).args(["--max-edge", "50 cm", "--basis", "bilinear"]);
     let report = json(command.args(["--tolerance", "2%", "--json"]));
     assert_eq!(report["elements"], 24);
+}
+
+#[test]
+fn a_tolerance_is_reached_or_it_is_said_that_it_is_not() {
+    let solve = |more: &[&str]| {
+        let mut command = hatbox();
+        command.arg("solve").arg(sample("cube.toml")).args(more);
+        command
+    };
+    let report = json(solve(&["--tolerance", "20%", "--json"]).args(["--gather", "--grading", "1.5"]));
+    assert_eq!(report["adaptivity"]["reached"], true);
+    assert!(report["error"]["estimate"].as_f64().is_some_and(|error| error <= 0.2), "{report:#}");
+    let text = text(&succeed(&mut solve(&["--tolerance", "0.01%", "--max-unknowns", "1300"])).stdout);
+    assert!(text.contains("NOT reached") && text.contains("1300"), "{text}");
+    let folder = Folder::new();
+    fail(&folder, 1, &mut solve(&["--focus", "nowhere"]), &["--focus", "use a box"]);
 }
 
 #[test]

@@ -146,12 +146,14 @@
 //! - [`visibility`], [`space`]: what blocks a ray; how cells are joined.
 //! - [`assemble`], [`exchange`]: the integrals, and the operator S that they make.
 //! - [`radiosity`]: the equation put together and solved.
+//! - [`adapt`]: meshes refined until the error is what was asked for.
 //! - [`view_factors`], [`check`]: what can be said before there is light.
 //! - [`bake`], [`probe`], [`report`], [`render`], [`io`]: what a solution becomes.
 
 #![warn(unsafe_code, clippy::print_stdout, clippy::print_stderr, clippy::exit)]
 #![cfg_attr(test, allow(clippy::float_cmp, reason = "tests say `==` where they mean exactly equal"))]
 
+pub mod adapt;
 pub mod assemble;
 pub mod bake;
 pub mod check;

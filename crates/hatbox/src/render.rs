@@ -2,9 +2,9 @@
 //!
 //! A ray shows the nearest cell that faces the camera; backs are see-through, so that a closed room can be looked into
 //! from outside. Where a material varies over the surface the radiosity is put together at the point, B = B⁰ + R E, and
-//! the texture is crisp however coarse the elements are; elsewhere the expansion itself is shown.
+//! the texture is crisp however coarse the elements are; elsewhere the expansion is shown, [limited].
 
-use crate::bake::rgb;
+use crate::bake::{limited, rgb};
 use crate::mesh::Mesh;
 use crate::progress::{Interrupted, Progress};
 use crate::radiosity::{Shown, Solution};
@@ -52,6 +52,7 @@ pub struct Image {
 /// [`Interrupted`] if `progress` says so.
 pub fn render(solution: &Solution, options: &RenderOptions, progress: &dyn Progress) -> Result<Image, Interrupted> {
     let &RenderOptions { width, height, samples, shown, .. } = options;
+    let solution = &limited(solution);
     let aspect = width as f64 / height.max(1) as f64;
     let camera = options.camera.or(solution.scene.camera);
     let camera = camera.unwrap_or_else(|| fitting_camera(&solution.scene.mesh, DVec3::Y, aspect));

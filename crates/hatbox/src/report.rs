@@ -4,6 +4,7 @@
 //! The names and the nesting are an interface: fields are added, never renamed. Numbers are in the units of the scene
 //! (lm, lx or W, W/m²), lengths in metres, errors and fractions relative to 1, and lists have one entry per band.
 
+use crate::adapt::{self, Adapted};
 use crate::linalg::LinearOperator;
 use crate::mesh::Mesh;
 use crate::radiosity::Solved;
@@ -35,6 +36,34 @@ pub struct Report {
     pub closure: ClosureReport,
     /// How wrong the solution may be; `None` if nobody asked.
     pub error: Option<ErrorReport>,
+    /// How the mesh was refined; `None` if it was given.
+    pub adaptivity: Option<AdaptivityReport>,
+}
+
+/// How the mesh was refined.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AdaptivityReport {
+    /// The estimate that was asked for.
+    pub tolerance: f64,
+    /// Whether it was reached; if not, more coefficients would have been needed than allowed.
+    pub reached: bool,
+    /// The most coefficients per band that were allowed.
+    pub most_coefficients: usize,
+    /// The rounds, in order.
+    pub rounds: Vec<RoundReport>,
+}
+
+/// One mesh of several.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RoundReport {
+    /// Number of elements.
+    pub elements: usize,
+    /// Unknowns per band.
+    pub dofs: usize,
+    /// The estimated error.
+    pub estimate: f64,
+    /// Time it took.
+    pub seconds: f64,
 }
 
 /// The scene as it was given.
@@ -125,7 +154,13 @@ pub struct ErrorReport {
     pub estimate: f64,
     /// Relative residual of the equation at points that the solver never saw.
     pub residual: f64,
-    /// What the residual is divided by to become the estimate: the fraction of light absorbed at each meeting.
+    /// What the residual causes elsewhere by reflection; the estimate is the sum of the two.
+    pub propagated: f64,
+    /// Of the residual, what textures lose by projection.
+    pub data: f64,
+    /// Of the residual, the rest: elements too large for the light on them.
+    pub discretisation: f64,
+    /// The emitted over the leaving power.
     pub absorption: f64,
     /// The operator's part: quadrature and visibility.
     pub operator: f64,
@@ -134,6 +169,23 @@ pub struct ErrorReport {
 }
 
 impl Report {
+    /// From what was given and what came out of refinement to a tolerance.
+    pub fn adapted(given: &Scene, options: &adapt::Options, adapted: &Adapted) -> Self {
+        let round = |round: &adapt::Round| RoundReport {
+            elements: round.elements,
+            dofs: round.unknowns,
+            estimate: round.estimate,
+            seconds: round.time.as_secs_f64(),
+        };
+        let adaptivity = AdaptivityReport {
+            tolerance: options.tolerance,
+            reached: adapted.reached,
+            most_coefficients: options.most_coefficients,
+            rounds: adapted.rounds.iter().map(round).collect(),
+        };
+        Self { adaptivity: Some(adaptivity), ..Self::new(given, &adapted.solved) }
+    }
+
     /// From what was given and what came out.
     pub fn new(given: &Scene, solved: &Solved) -> Self {
         let solution = &solved.solution;
@@ -161,10 +213,14 @@ impl Report {
                 kind: "estimated",
                 estimate: e.relative,
                 residual: e.residual,
+                propagated: e.propagated,
+                data: e.data,
+                discretisation: e.discretisation,
                 absorption: e.absorption,
                 operator: e.operator,
                 solver: e.solver,
             }),
+            adaptivity: None,
         }
     }
 }

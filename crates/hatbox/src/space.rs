@@ -178,7 +178,7 @@ impl FunctionSpace {
 }
 
 /// The pairs of cells across whose common edge functions are continuous.
-fn joints(scene: &Scene, crease_angle: f64) -> Vec<[Side; 2]> {
+pub(crate) fn joints(scene: &Scene, crease_angle: f64) -> Vec<[Side; 2]> {
     let topology = Topology::new(&scene.mesh);
     let mut joints: Vec<[Side; 2]> = Vec::new();
     for edge in 0..topology.edges() {

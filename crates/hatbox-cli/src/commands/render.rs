@@ -14,7 +14,7 @@ pub(super) fn run(args: &RenderArgs, talk: Talk) -> Result<(), Failure> {
     for path in &args.output {
         writer_for(path)?;
     }
-    let solution = npz::load(&args.solution)?;
+    let solution = options::shown(npz::load(&args.solution)?, &args.view);
     let bars = Bars::new(talk.shows_progress());
     let outputs = write(&solution, &args.output, &options::write(&args.view, solution.scene.camera, &bars))?;
     if talk == Talk::Quiet { Ok(()) } else { output::print(&summary::outputs(&outputs, Style::stdout())) }

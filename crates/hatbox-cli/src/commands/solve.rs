@@ -6,9 +6,12 @@ use crate::failure::Failure;
 use crate::progress::Bars;
 use crate::style::Style;
 use crate::{options, output, summary};
+use hatbox::adapt;
 use hatbox::io::{self, WriteOptions};
-use hatbox::radiosity::{Solution, solve};
+use hatbox::mesh::Refinement;
+use hatbox::radiosity::{self, Solution, gathered, solve};
 use hatbox::report::Report;
+use hatbox::scene::Scene;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -36,17 +39,27 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
     for path in &args.output {
         io::writer_for(path)?;
     }
-    let options = options::solve(args);
     // 2. The scene.
     let (scene, warnings) = io::read_scene(&args.scene.path)?;
     output::warn(&warnings);
     // 3. The light in it.
     let bars = Bars::new(talk.shows_progress());
-    let solved = solve(&scene, &options, &bars).map_err(|error| Failure::of_solve(&args.scene.path, &error))?;
+    let failure = |error: radiosity::Error| Failure::of_solve(&args.scene.path, &error);
+    let (solution, report) = if let Some(options) = options::adaptive(args) {
+        check_focus(&scene, &options)?;
+        let adapted = adapt::solve(&scene, &options, &bars).map_err(failure)?;
+        let report = Report::adapted(&scene, &options, &adapted);
+        (adapted.solved.solution, report)
+    } else {
+        let solved = solve(&scene, &options::solve(args), &bars).map_err(failure)?;
+        let report = Report::new(&scene, &solved);
+        (solved.solution, report)
+    };
+    let solution = if args.gather { gathered(&solution, args.run.seed, &bars)? } else { solution };
     // 4. The files.
-    let outputs = write(&solved.solution, &args.output, &options::write(&args.view, scene.camera, &bars))?;
+    let shown = options::shown(solution, &args.view);
+    let outputs = write(&shown, &args.output, &options::write(&args.view, scene.camera, &bars))?;
     // 5. The summary.
-    let report = Report::new(&scene, &solved);
     let seconds = started.elapsed().as_secs_f64();
     let done = Done { report, seconds, peak_bytes: output::peak_bytes(), outputs, warnings };
     match talk {
@@ -70,4 +83,23 @@ pub(super) fn write(
         Ok(Written::new(path))
     };
     paths.iter().map(write).collect()
+}
+
+/// Makes sure that there is something in focus.
+fn check_focus(scene: &Scene, options: &adapt::Options) -> Result<(), Failure> {
+    let Some(focus) = &options.focus else { return Ok(()) };
+    // A box may hold no middle of a face, and yet middles of smaller cells.
+    let fine = scene.refined(Refinement::Elements(options.most_coefficients), options.solve.basis);
+    if fine.is_ok_and(|fine| focus.cells(&fine).contains(&true)) {
+        return Ok(());
+    }
+    let mut names: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();
+    names.extend(scene.mesh.groups.iter().map(String::as_str));
+    names.dedup();
+    names.truncate(20);
+    let help = format!("use a box X,Y,Z;X,Y,Z or one of: {}", names.join(", "));
+    Err(Failure::with_help(
+        "--focus: no material and no object has that name, and no surface lies in such a box".to_owned(),
+        help,
+    ))
 }

@@ -3,11 +3,13 @@
 //! Renderers interpolate linearly between vertices, so a cell becomes as many triangles as keep the shape of its
 //! function: one or two, or four through the edge midpoints where the element is quadratic. Corners that agree in
 //! place, normal, texture coordinates and value share a vertex; where radiosity jumps they do not, and the jump is
-//! kept.
+//! kept. What is shown is the solution [limited]: without the over- and undershoots next to a hard shadow.
 
 mod exposure;
+mod limit;
 
 pub use exposure::{Exposure, luminance, percentile, rgb, srgb};
+pub use limit::limited;
 
 use crate::element::Shape;
 use crate::linalg::MultiVector;
@@ -25,7 +27,7 @@ pub struct Baked {
     pub normals: Vec<DVec3>,
     /// Texture coordinates (v runs down); empty if the mesh has none.
     pub uvs: Vec<DVec2>,
-    /// Vertices × bands: B in lm/m² or W/m², or E in lx or W/m². Negative values of the expansion are kept.
+    /// Vertices × bands: B in lm/m² or W/m², or E in lx or W/m². None is negative, and none over- or undershoots.
     pub values: MultiVector,
     /// Indices of vertices, counter-clockwise from the lit side.
     pub triangles: Vec<[u32; 3]>,
@@ -46,8 +48,9 @@ pub struct Part {
     pub triangles: Range<usize>,
 }
 
-/// Bakes B or E into vertices.
+/// Bakes B or E, [limited], into vertices.
 pub fn bake(solution: &Solution, shown: Shown) -> Baked {
+    let solution = &limited(solution);
     let mesh = &solution.scene.mesh;
     let mut order: Vec<usize> = (0..mesh.cells.len()).collect();
     order.sort_by_key(|&cell| (mesh.cells[cell].group, mesh.cells[cell].material));

@@ -4,8 +4,9 @@
 //! are cell data; others are point data on the cells that interpolate as the element does: `VTK_TRIANGLE`, `VTK_QUAD`,
 //! and `VTK_LAGRANGE_TRIANGLE` for quadratics, whose nodes stand in the same order as ours.
 //!
-//! Arrays: `radiosity` and `irradiance` (one component per band), and of each cell `material`, `group` (indices) and
-//! `reflectance` (per band, NaN where a texture varies it). (Names are left out: string arrays are not read by
+//! Arrays: `radiosity` and `irradiance` (one component per band), and of each cell `material`, `group` (indices),
+//! `reflectance` (per band, NaN where a texture varies it) and `error` (per band, the indicated error of the radiosity, root
+//! of the mean square over the cell). (Names are left out: string arrays are not read by
 //! `meshio`.)
 //!
 //! The file is written here and not by `vtkio`: that crate's stable release is years old, and the format is one short
@@ -14,7 +15,7 @@
 use crate::element::{Element, Shape};
 use crate::io::atomic::{self, AtomicError};
 use crate::linalg::MultiVector;
-use crate::radiosity::Solution;
+use crate::radiosity::{Solution, local_error};
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
@@ -141,6 +142,7 @@ impl Grid {
             (0..bands).map(|band| reflectance.uniform(band).unwrap_or(f64::NAN))
         });
         self.floats("reflectance", bands, reflectance);
+        self.floats("error", bands, rows(&local_error(solution)));
     }
 }
 

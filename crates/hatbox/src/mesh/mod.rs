@@ -5,17 +5,20 @@
 //! when seen from the side that sends and receives light. A two-sided sheet is two cells with the same
 //! [`surface`](Cell::surface).
 
+mod bisect;
 mod box_tree;
 mod conform;
 mod contact;
 mod corner;
 mod diagnose;
+mod grade;
 mod intersect;
 mod patch;
 mod refine;
 mod topology;
 mod weld;
 
+pub use bisect::Bisected;
 pub(crate) use corner::{Builder, Corner};
 pub use diagnose::{Example, Finding, FindingKind, Severity, diagnose, diagnose_room, diagnose_sheets};
 pub use patch::Patch;

@@ -56,13 +56,19 @@ impl Mesh {
     /// # Errors
     /// [`RefineError`] if the length is not positive or the result would have more than [`MAX_CELLS`] cells.
     pub fn refined(&self, refinement: Refinement) -> Result<Self, RefineError> {
+        self.refined_with_parents(refinement).map(|(mesh, _)| mesh)
+    }
+
+    /// The same, and for each cell that of which it is a piece.
+    pub(super) fn refined_with_parents(&self, refinement: Refinement) -> Result<(Self, Vec<u32>), RefineError> {
         let plan = Plan::new(self);
+        let unchanged = || (self.clone(), (0..self.cells.len() as u32).collect());
         let max_edge = match refinement {
-            Refinement::None => return Ok(self.clone()),
+            Refinement::None => return Ok(unchanged()),
             Refinement::MaxEdge(h) if h.is_nan() || h <= 0.0 => return Err(RefineError::Length(h)),
             Refinement::MaxEdge(h) => h,
             Refinement::Elements(n) if n > MAX_CELLS => return Err(RefineError::TooManyElements(n)),
-            Refinement::Elements(n) if n <= self.cells.len() => return Ok(self.clone()),
+            Refinement::Elements(n) if n <= self.cells.len() => return Ok(unchanged()),
             Refinement::Elements(n) => plan.edge_for(n),
         };
         if plan.count(max_edge, MAX_CELLS) > MAX_CELLS {
@@ -152,11 +158,11 @@ impl<'a> Plan<'a> {
         count.cells
     }
 
-    fn carry_out(&self, max_edge: f64) -> Mesh {
+    fn carry_out(&self, max_edge: f64) -> (Mesh, Vec<u32>) {
         let builder = Builder::like(self.mesh);
-        let mut build = Build { mesh: self.mesh, cell: 0, builder, midpoints: HashMap::new() };
+        let mut build = Build { mesh: self.mesh, cell: 0, builder, midpoints: HashMap::new(), parents: Vec::new() };
         let _ = self.split(max_edge, &mut build);
-        build.builder.finish()
+        (build.builder.finish(), build.parents)
     }
 
     /// The length for a number of cells: bisection in its logarithm, remembering the best.
@@ -235,6 +241,7 @@ struct Build<'a> {
     cell: usize,
     builder: Builder,
     midpoints: HashMap<[u32; 2], u32>,
+    parents: Vec<u32>,
 }
 
 impl Target for Build<'_> {
@@ -249,6 +256,7 @@ impl Target for Build<'_> {
     }
     fn cell(&mut self, corners: &[Corner]) -> ControlFlow<()> {
         self.builder.push(&self.mesh.cells[self.cell], corners);
+        self.parents.push(self.cell as u32);
         ControlFlow::Continue(())
     }
 }

@@ -29,31 +29,49 @@ impl Gather<'_> {
     /// E at the point `x` of a face with unit normal `n`, per band. `surface` is the face's index (it blocks nothing),
     /// and `seed` chooses the sample points.
     pub fn irradiance(&self, x: DVec3, n: DVec3, surface: u32, seed: u64) -> Vec<f64> {
-        let mut sum = vec![0.0; self.solution.bands()];
+        let [sum] = self.independent(x, n, surface, [seed]);
+        sum
+    }
+
+    /// The same several times over, with the rays of several seeds: the product of two independent errors has the mean
+    /// 0, that of one with itself has not.
+    pub fn independent<const N: usize>(&self, x: DVec3, n: DVec3, surface: u32, seeds: [u64; N]) -> [Vec<f64>; N] {
+        let mut sums = std::array::from_fn(|_| vec![0.0; self.solution.bands()]);
         for (cell, panel) in self.panels.iter().enumerate() {
             if panel.surface != surface {
-                self.add(cell, x, n, surface, seed, &mut sum);
+                self.add(cell, x, n, surface, &seeds, &mut sums);
             }
         }
-        sum
+        sums
     }
 
     /// Adds what one panel sends: the unoccluded integral times the visible share of the light, by rays whose number
     /// follows how much the panel may matter.
-    fn add(&self, cell: usize, x: DVec3, n: DVec3, surface: u32, seed: u64, sum: &mut [f64]) {
+    fn add<const N: usize>(
+        &self,
+        cell: usize,
+        x: DVec3,
+        n: DVec3,
+        surface: u32,
+        seeds: &[u64; N],
+        sums: &mut [Vec<f64>; N],
+    ) {
         let panel = &self.panels[cell];
         let Some(row) = point_row(panel, x, n) else { return };
         let distance = (panel.center.distance(x) - panel.radius).max(0.25 * panel.radius);
         let weight = self.strengths.get(cell).copied().unwrap_or(1.0) * panel.area() / (distance * distance);
         let rays = (weight / FINEST).ceil().clamp(1.0, f64::from(MAX_RAYS)) as u32;
-        let visible = self.visible_share(panel, x, n, surface, hash(seed, cell as u64), rays);
-        if visible == 0.0 {
+        let visible = seeds.map(|seed| self.visible_share(panel, x, n, surface, hash(seed, cell as u64), rays));
+        if visible.iter().all(|&share| share <= 0.0) {
             return;
         }
         let functions = self.solution.space.range(cell);
-        for (band, sum) in sum.iter_mut().enumerate() {
+        for band in 0..self.solution.bands() {
             let b = &self.solution.radiosity.band(band)[functions.clone()];
-            *sum += visible * b.iter().zip(row).map(|(b, r)| b * r).sum::<f64>();
+            let sent: f64 = b.iter().zip(row).map(|(b, r)| b * r).sum();
+            for (sum, visible) in sums.iter_mut().zip(visible) {
+                sum[band] += visible * sent;
+            }
         }
     }
 

@@ -9,12 +9,16 @@
 //! times fewer of them than broken ones. The irradiance is always given in the broken space.
 
 mod gather;
+mod indicator;
 mod operators;
+mod reconstruct;
 mod residual;
 mod solution;
 mod system;
 
 pub use gather::Gather;
-pub use residual::{ErrorEstimate, estimate_error};
+pub use indicator::local_error;
+pub use reconstruct::{error_of, gathered};
+pub use residual::{ErrorEstimate, Estimated, Sampling, estimate_error};
 pub use solution::{Shown, Solution};
-pub use system::{Energy, Error, MaterialsError, Options, Solved, System, solve};
+pub use system::{Energy, Error, MaterialsError, Options, Solved, System, solve, solve_subdivided};

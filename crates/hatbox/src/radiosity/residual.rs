@@ -1,107 +1,321 @@
 //! How wrong the solution is: the residual of the continuous equation, at points that the solver never saw.
 //!
-//! r = B⁰ + R K B̃ − B̃ vanishes for the true radiosity, and ‖B − B̃‖ ≤ (‖r‖ + ρ δ ‖B̃‖)/(1 − ρ), where δ bounds the error of
-//! the operator. The norm of r is estimated from area-weighted random points, at each of which the irradiance is
-//! gathered afresh, with its own rays; so visibility, quadrature, discretisation and the solver are all in it. For
-//! 1 − ρ stands the emitted over the leaving power, by which this scene amplifies light on the whole; a bright cavity in a
-//! dark scene amplifies its own errors more. What is reported is *estimated*, not certified.
+//! r = B⁰ + R K B̃ − B̃ vanishes for the true radiosity, and the error is e = r + R K e = r + p. The two parts are estimated
+//! apart:
+//!
+//! - ‖r‖ from irradiance gathered afresh, with its own quadrature and its own rays, at points drawn where the indicators
+//!   see error (half of them) and all over the surfaces (the other half). Visibility, quadrature, discretisation and the
+//!   solver are all in it. Each point has two independent gathers whose residuals are *multiplied*, so that the noise of
+//!   the rays does not pass for an error of the solution. To the mean one standard error is added.
+//! - p = R K (r + p) is what the residual causes elsewhere. Galerkin's residual is orthogonal to the space, and K
+//!   smooths: what is left of it to multiply are its means over whole parts of the scene, left by the operator's error.
+//!   They are measured at the same points, and their reflections are computed with the same S.
+//!
+//! The estimate is ‖r‖ + ‖p‖. What is reported is *estimated*: a bound with conservative parts would be called certified,
+//! and nothing here is.
+//!
+//! Tried and dropped: ‖r‖/(1 − ρ) with the emitted over the leaving power for 1 − ρ. It takes the residual to be of the
+//! shape that multiplies most, and overestimated by 1/(1 − ρ): threefold in a room of ρ = 0.7.
 
-use super::{Shown, Solution, System};
+use super::indicator::reflected_once_more;
+use super::{Shown, Solution, System, local_error};
 use crate::element::Shape;
 use crate::exchange::Exchange;
+use crate::linalg::{LinearOperator, MultiVector};
+use crate::mesh::{Mesh, Patch};
 use crate::progress::{Interrupted, Progress};
 use crate::quadrature::sequence::{hash, point};
-use crate::solve::Info;
+use crate::solve::{Info, SolveError};
 use rayon::prelude::*;
 
-/// An estimate of ‖B − B̃‖/‖B̃ − B⁰‖ and of what it is made of. The norm is that of the reflected light: emitters are often
-/// hundreds of times brighter than what they light, and their own exitance is exact.
+/// A part of the scene with fewer points than this has no mean.
+const LEAST_POINTS: usize = 6;
+/// A residual that is smaller than B̃ by this factor is none.
+const ROUNDING: f64 = 1e-12;
+/// Directions of normals that tell parts apart: ± each axis.
+const DIRECTIONS: usize = 6;
+
+/// An estimate of ‖B − B̃‖/‖B̃ − B⁰‖ and of what it is made of, each the worst band's. The norm is that of the reflected
+/// light: emitters are often hundreds of times brighter than what they light, and their own exitance is exact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorEstimate {
-    /// The estimated relative L2 error of the reflected light, the worst band's.
+    /// The estimated relative L2 error of the reflected light.
     pub relative: f64,
-    /// ‖r‖/‖B̃ − B⁰‖: the discretisation's part (with the operator's own errors seen at the points).
+    /// ‖r‖/‖B̃ − B⁰‖, with one standard error of its sampling.
     pub residual: f64,
-    /// Emitted over leaving power, 1 − ρ for the scene as a whole: what the residual is divided by.
+    /// ‖p‖/‖B̃ − B⁰‖, what the residual causes by reflection.
+    pub propagated: f64,
+    /// Of the residual, what textures and given functions lose by projection.
+    pub data: f64,
+    /// Of the residual, the rest: elements too large, shadows between them (and the operator's errors at the points).
+    pub discretisation: f64,
+    /// Emitted over leaving power, 1 − ρ for the scene as a whole.
     pub absorption: f64,
-    /// Relative error of the operator's row sums, as estimated when it was built.
+    /// Relative error of the operator's row sums, as estimated when it was built: the worst row's.
     pub operator: f64,
     /// Relative residual that the solver left.
     pub solver: f64,
 }
 
-/// Estimates the error of a solution from its residual at `points` points.
+/// An estimate, and the squared residuals that it is made of.
+#[derive(Debug, Clone)]
+pub struct Estimated {
+    /// The estimate.
+    pub error: ErrorEstimate,
+    /// For each cell with points, the mean of r² relative to ‖B̃ − B⁰‖², summed over bands, in 1/m².
+    pub seen: Vec<(usize, f64)>,
+}
+
+/// How an error is to be estimated.
+#[derive(Debug, Clone, Copy)]
+pub struct Sampling<'a> {
+    /// Number of points.
+    pub points: usize,
+    /// Seed of the points and rays.
+    pub seed: u64,
+    /// Which cells the error is asked of: all if not given.
+    pub within: Option<&'a [bool]>,
+}
+
+/// Estimates the error of a solution from its residual at points.
 ///
 /// # Errors
-/// [`Interrupted`].
+/// [`SolveError::Interrupted`], or another [`SolveError`] where the reflections of the residual cannot be computed.
 pub fn estimate_error(
     system: &System,
     solution: &Solution,
     info: &Info,
-    points: usize,
-    seed: u64,
+    sampling: &Sampling<'_>,
     progress: &dyn Progress,
-) -> Result<ErrorEstimate, Interrupted> {
-    let seed = hash(seed, 0x0065_7272_6f72);
-    let mesh = &system.scene.mesh;
-    let mut ends = Vec::with_capacity(mesh.cells.len());
-    let mut area = 0.0;
-    for cell in 0..mesh.cells.len() {
-        area += mesh.patch(cell).area();
-        ends.push(area);
-    }
-    progress.begin("estimating the error", points as u64);
-    let samples: Result<Vec<Vec<[f64; 2]>>, Interrupted> = (0..points)
-        .into_par_iter()
-        .map(|k| {
-            progress.advance(1);
-            if progress.interrupted() {
-                Err(Interrupted)
-            } else {
-                Ok(residual_at(system, solution, &ends, k as u32, seed))
-            }
-        })
-        .collect();
-    let samples = samples?;
-    progress.end();
-    let bands = solution.bands();
-    let norm = |band: usize, which: usize| samples.iter().map(|s| s[band][which].powi(2)).sum::<f64>().sqrt();
-    let relative = |band: usize| if norm(band, 1) > 0.0 { norm(band, 0) / norm(band, 1) } else { 0.0 };
-    let residual = (0..bands).map(relative).fold(0.0, f64::max);
+) -> Result<Estimated, SolveError> {
+    let measure = Measure::new(system, solution, sampling);
+    let samples = measure.samples(progress)?;
+    let propagated = measure.propagated(&samples, progress)?;
+    let (residuals, seen) = (measure.residuals(&samples), measure.seen(&samples));
     let energy = system.energy(solution);
-    let share =
-        |band: usize| if energy.leaving[band] > 0.0 { energy.emitted[band] / energy.leaving[band] } else { 1.0 };
-    let absorption = (0..bands).map(share).fold(1.0, f64::min);
-    Ok(ErrorEstimate {
-        relative: residual / absorption.max(1e-3),
-        residual,
-        absorption,
+    let worst = |f: &dyn Fn(usize) -> f64| (0..solution.bands()).map(f).fold(0.0, greater);
+    let absorption = |band: usize| {
+        let (emitted, leaving) = (energy.emitted[band], energy.leaving[band]);
+        if leaving > 0.0 { -emitted / leaving } else { -1.0 }
+    };
+    let whole = measure.norms_within(&solution.radiosity);
+    // Where nothing is reflected there is nothing to be wrong but the last digits of the emission.
+    let relative = |value: f64, band: usize| {
+        if value <= ROUNDING * whole[band] { 0.0 } else { value / measure.norms[band] }
+    };
+    let residual = |band: usize| relative(residuals[band][0], band);
+    let data = |band: usize| relative(residuals[band][1], band);
+    let error = ErrorEstimate {
+        relative: worst(&|band| residual(band) + relative(propagated[band], band)),
+        residual: worst(&residual),
+        propagated: worst(&|band| relative(propagated[band], band)),
+        data: worst(&data),
+        discretisation: worst(&|band| (residual(band).powi(2) - data(band).powi(2)).max(0.0).sqrt()),
+        absorption: -(0..solution.bands()).map(absorption).fold(-1.0, greater),
         operator: system.operator_error(solution),
         solver: info.residual,
-    })
+    };
+    Ok(Estimated { error, seen })
 }
 
-/// (r, B̃ − B⁰) per band at the k-th random point.
-fn residual_at(system: &System, solution: &Solution, ends: &[f64], k: u32, seed: u64) -> Vec<[f64; 2]> {
-    let p = point(seed, k);
-    let target = p[0] * ends.last().copied().unwrap_or(0.0);
-    let cell = ends.partition_point(|&end| end <= target).min(ends.len().saturating_sub(1));
-    let patch = system.scene.mesh.patch(cell);
-    let at = match patch.shape() {
-        Shape::Triangle => [p[2].sqrt() * (1.0 - p[1]), p[2].sqrt() * p[1]],
-        Shape::Quad => [p[1], p[2]],
+/// The greater of two numbers; no number at all, if one of them is none.
+fn greater(a: f64, b: f64) -> f64 {
+    if b > a || b.is_nan() { b } else { a }
+}
+
+/// What is known at a point.
+struct Sample {
+    cell: usize,
+    /// 1/(points × density), in m²: what the point stands for.
+    area: f64,
+    /// Per band: the two independent residuals, and what projection of the data costs.
+    bands: Vec<[f64; 3]>,
+}
+
+struct Measure<'a> {
+    system: &'a System,
+    solution: &'a Solution,
+    sampling: &'a Sampling<'a>,
+    /// Points per m² on each cell, relative to one of all of them.
+    density: Vec<f64>,
+    /// Sum of density × area up to and with each cell.
+    ends: Vec<f64>,
+    /// ‖B̃ − B⁰‖ within, per band.
+    norms: Vec<f64>,
+    /// Δ⁻¹(b⁰ + M_R e).
+    reflected: Solution,
+}
+
+impl<'a> Measure<'a> {
+    fn new(system: &'a System, solution: &'a Solution, sampling: &'a Sampling<'a>) -> Self {
+        let reflected = reflected_once_more(solution).unwrap_or_else(|| solution.radiosity.clone());
+        let mut light = reflected.clone();
+        light.add_scaled(-1.0, &system.projected_emission());
+        let mut measure = Self {
+            norms: Vec::new(),
+            density: Vec::new(),
+            ends: Vec::new(),
+            reflected: Solution { radiosity: reflected, ..solution.clone() },
+            system,
+            solution,
+            sampling,
+        };
+        measure.norms = measure.norms_within(&light);
+        measure.spread_points();
+        measure
+    }
+
+    fn counts(&self, cell: usize) -> bool {
+        self.sampling.within.is_none_or(|within| within[cell])
+    }
+
+    /// The norm of a broken function over the cells that are asked of.
+    fn norms_within(&self, function: &MultiVector) -> Vec<f64> {
+        let weighted = self.system.mass().times(function);
+        let cells = || (0..self.solution.space.cells()).filter(|&cell| self.counts(cell));
+        let square = |(f, w): (&[f64], &[f64])| -> f64 {
+            cells().flat_map(|cell| self.solution.space.range(cell)).map(|k| f[k] * w[k]).sum()
+        };
+        function.iter_bands().zip(weighted.iter_bands()).map(square).map(|s| s.max(0.0).sqrt()).collect()
+    }
+
+    /// A third of the points by area, a third by area where the error is asked of, a third by the indicators there.
+    fn spread_points(&mut self) {
+        let mesh = &self.system.scene.mesh;
+        let areas: Vec<f64> = (0..mesh.cells.len()).map(|cell| mesh.patch(cell).area()).collect();
+        let indicated = local_error(self.solution);
+        let error = |cell: usize| {
+            let band =
+                |band: usize| if self.norms[band] > 0.0 { indicated.band(band)[cell] / self.norms[band] } else { 0.0 };
+            if self.counts(cell) { (0..indicated.bands()).map(band).sum::<f64>() } else { 0.0 }
+        };
+        let errors: Vec<f64> = (0..areas.len()).map(error).collect();
+        let squares: f64 = errors.iter().zip(&areas).map(|(e, area)| e * e * area).sum();
+        let all: f64 = areas.iter().sum();
+        let within: f64 = (0..areas.len()).filter(|&c| self.counts(c)).map(|c| areas[c]).sum();
+        let density = |cell: usize| {
+            let here = if self.counts(cell) && within > 0.0 { 1.0 / within } else { 0.0 };
+            let indicated = if squares > 0.0 { errors[cell].powi(2) / squares } else { 0.0 };
+            (1.0 / all + here + indicated) / 3.0
+        };
+        self.density = (0..areas.len()).map(density).collect();
+        let mut end = 0.0;
+        self.ends = Vec::with_capacity(areas.len());
+        for (density, area) in self.density.iter().zip(&areas) {
+            end += density * area;
+            self.ends.push(end);
+        }
+    }
+
+    fn samples(&self, progress: &dyn Progress) -> Result<Vec<Sample>, SolveError> {
+        let seed = hash(self.sampling.seed, 0x0065_7272_6f72);
+        progress.begin("estimating the error", self.sampling.points as u64);
+        let samples: Result<Vec<Sample>, Interrupted> = (0..self.sampling.points)
+            .into_par_iter()
+            .map(|k| {
+                progress.advance(1);
+                if progress.interrupted() { Err(Interrupted) } else { Ok(self.sample(k as u32, seed)) }
+            })
+            .collect();
+        progress.end();
+        Ok(samples?)
+    }
+
+    /// The k-th point: one in each k-th part of the density.
+    fn sample(&self, k: u32, seed: u64) -> Sample {
+        let (p, points) = (point(seed, k), self.sampling.points as f64);
+        let target = (f64::from(k) + p[0]) / points * self.ends.last().copied().unwrap_or(0.0);
+        let cell = self.ends.partition_point(|&end| end <= target).min(self.ends.len().saturating_sub(1));
+        let patch = self.system.scene.mesh.patch(cell);
+        let at = match patch.shape() {
+            Shape::Triangle => [p[2].sqrt() * (1.0 - p[1]), p[2].sqrt() * p[1]],
+            Shape::Quad => [p[1], p[2]],
+        };
+        let seeds = [2 * u64::from(k), 2 * u64::from(k) + 1].map(|k| hash(seed, k));
+        let [first, second] = self.gathered(cell, &patch, at, seeds);
+        let material = self.system.scene.material(cell);
+        let site = self.system.scene.site(cell, at);
+        let of = |band: usize| {
+            let b = self.solution.evaluate(Shown::Radiosity, cell, at, band);
+            let (b0, r) = (material.exitance.at(&site, band), material.reflectance.at(&site, band));
+            let e = self.solution.evaluate(Shown::Irradiance, cell, at, band);
+            let projected = self.reflected.evaluate(Shown::Radiosity, cell, at, band);
+            [b0 + r * first[band] - b, b0 + r * second[band] - b, b0 + r * e - projected]
+        };
+        let bands = (0..self.solution.bands()).map(of).collect();
+        // Reference coordinates are uniform; on a quad that is no parallelogram the points are not.
+        let stretch = patch.jacobian(at) * patch.shape().reference_area() / patch.area();
+        Sample { cell, area: stretch / (points * self.density[cell]), bands }
+    }
+
+    /// The irradiance at a point, twice and independently: by the operator if it can, else gathered from all panels.
+    fn gathered(&self, cell: usize, patch: &Patch, at: [f64; 2], seeds: [u64; 2]) -> [Vec<f64>; 2] {
+        let exchange = &self.system.exchange;
+        if let [Some(first), Some(second)] =
+            seeds.map(|seed| exchange.irradiance(cell, at, &self.solution.radiosity, seed))
+        {
+            return [first, second];
+        }
+        let surface = self.system.scene.mesh.cells[cell].surface;
+        self.system.gather(self.solution).independent(patch.point(at), patch.normal(), surface, seeds)
+    }
+
+    /// ‖r‖ with one standard error, and the data's part, per band.
+    fn residuals(&self, samples: &[Sample]) -> Vec<[f64; 2]> {
+        let within = || samples.iter().filter(|sample| self.counts(sample.cell));
+        let of = |band: usize| {
+            let square = |s: &Sample| s.area * s.bands[band][0] * s.bands[band][1];
+            let sum: f64 = within().map(square).sum();
+            let deviation = within().map(square).map(|s| s * s).sum::<f64>() - sum * sum / samples.len().max(1) as f64;
+            let data: f64 = within().map(|s| s.area * s.bands[band][2].powi(2)).sum();
+            // `max` would drop what is no number.
+            let total = sum + deviation.max(0.0).sqrt();
+            [if total < 0.0 { 0.0 } else { total.sqrt() }, data.sqrt()]
+        };
+        (0..self.solution.bands()).map(of).collect()
+    }
+
+    /// The mean of r² relative to the norm on each cell with points.
+    fn seen(&self, samples: &[Sample]) -> Vec<(usize, f64)> {
+        let square = |sample: &Sample| -> f64 {
+            let of = |(r, norm): (&[f64; 3], &f64)| if *norm > 0.0 { r[0] * r[1] / (norm * norm) } else { 0.0 };
+            sample.bands.iter().zip(&self.norms).map(of).sum::<f64>().max(0.0)
+        };
+        // The points run through the cells in order.
+        let cells = samples.chunk_by(|a, b| a.cell == b.cell);
+        cells.map(|s| (s[0].cell, s.iter().map(square).sum::<f64>() / s.len() as f64)).collect()
+    }
+
+    /// ‖p‖ within, per band.
+    fn propagated(&self, samples: &[Sample], progress: &dyn Progress) -> Result<Vec<f64>, SolveError> {
+        let (space, bands) = (&self.solution.space, self.solution.bands());
+        let parts = parts(&self.system.scene.mesh);
+        let count = parts.iter().max().map_or(0, |&last| last + 1);
+        let mut sums = vec![vec![[0.0; 2]; bands]; count];
+        let mut points = vec![0; count];
+        for sample in samples {
+            let part = parts[sample.cell];
+            points[part] += 1;
+            for (sum, r) in sums[part].iter_mut().zip(&sample.bands) {
+                *sum = [sum[0] + sample.area, sum[1] + sample.area * 0.5 * (r[0] + r[1])];
+            }
+        }
+        let mut means = MultiVector::zeros(space.broken_dofs(), bands);
+        for cell in (0..space.cells()).filter(|&cell| points[parts[cell]] >= LEAST_POINTS) {
+            for (band, [area, sum]) in sums[parts[cell]].iter().enumerate() {
+                means.band_mut(band)[space.range(cell)].fill(sum / area);
+            }
+        }
+        Ok(self.norms_within(&self.system.reflections(&means, progress)?))
+    }
+}
+
+/// The part of the scene that each cell belongs to: its material and the axis that its normal is closest to.
+fn parts(mesh: &Mesh) -> Vec<usize> {
+    let key = |cell: usize| {
+        let normal = mesh.patch(cell).normal();
+        let axis = (0..3).max_by(|&i, &j| normal[i].abs().total_cmp(&normal[j].abs())).unwrap_or(0);
+        mesh.cells[cell].material as usize * DIRECTIONS + 2 * axis + usize::from(normal[axis] > 0.0)
     };
-    let set = hash(seed, u64::from(k));
-    let e = system.exchange.irradiance(cell, at, &solution.radiosity, set).unwrap_or_else(|| {
-        let surface = system.scene.mesh.cells[cell].surface;
-        system.gather(solution).irradiance(patch.point(at), patch.normal(), surface, set)
-    });
-    let material = system.scene.material(cell);
-    let site = system.scene.site(cell, at);
-    let of = |(band, e): (usize, &f64)| {
-        let b = solution.evaluate(Shown::Radiosity, cell, at, band);
-        let (b0, r) = (material.exitance.at(&site, band), material.reflectance.at(&site, band));
-        [b0 + r * e - b, b - b0]
-    };
-    e.iter().enumerate().map(of).collect()
+    (0..mesh.cells.len()).map(key).collect()
 }

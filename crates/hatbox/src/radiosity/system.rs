@@ -1,5 +1,5 @@
 use super::operators::{Equation, InverseMass, Join, Mass, Symmetric, Transport, preconditioner};
-use super::{ErrorEstimate, Gather, Solution, estimate_error};
+use super::{ErrorEstimate, Estimated, Gather, Sampling, Solution, estimate_error};
 use crate::assemble::{Panel, load, mass, weighted_mass};
 use crate::element::{ALL, Basis};
 use crate::exchange::{self, Balanced, Exchange, ExchangeError, Geometry, Statistics};
@@ -31,6 +31,9 @@ pub struct Options {
     pub continuity: Continuity,
     /// How the mesh is subdivided.
     pub refinement: Refinement,
+    /// Vertices of the subdivision are at t^q from the edges of faces, this being q: 1 for a uniform subdivision, 2 for
+    /// linear and 3 for quadratic functions to have their order in spite of the edges.
+    pub grading: f64,
     /// Relative error that the operator may have.
     pub tolerance: f64,
     /// The kind of exchange operator.
@@ -52,6 +55,7 @@ impl Default for Options {
             basis: &ALL[1],
             continuity: Continuity::Continuous { crease_angle: CREASE_ANGLE },
             refinement: Refinement::Elements(3000),
+            grading: 1.0,
             tolerance: 1e-2,
             operator: &exchange::AUTO,
             solver: None,
@@ -155,8 +159,23 @@ pub struct Solved {
 /// # Errors
 /// [`Error`]; nothing is left behind.
 pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Solved, Error> {
+    let scene = scene.refined_graded(options.refinement, options.grading, options.basis)?;
+    let no_focus = |_: &System, _: &Solution| Ok(None);
+    solve_subdivided(scene, options, no_focus, progress).map(|(solved, _)| solved)
+}
+
+/// Solves on the cells of the scene as they are. The error is estimated on the cells that `within` chooses, all if it
+/// chooses none; with it come the residuals it is made of.
+///
+/// # Errors
+/// [`Error`]; nothing is left behind.
+pub fn solve_subdivided(
+    scene: Scene,
+    options: &Options,
+    within: impl FnOnce(&System, &Solution) -> Result<Option<Vec<bool>>, SolveError>,
+    progress: &dyn Progress,
+) -> Result<(Solved, Vec<(usize, f64)>), Error> {
     let started = Instant::now();
-    let scene = scene.refined(options.refinement, options.basis)?;
     let space = FunctionSpace::new(&scene, options.basis, options.continuity)?;
     let params = exchange::Params {
         seed: options.seed,
@@ -173,11 +192,13 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
     let (solution, info) =
         system.solve(kind, &solve::Params { tolerance: system.solver_tolerance(), ..Default::default() }, progress)?;
     let solver_time = started.elapsed();
-    let error = (options.error_points > 0)
-        .then(|| estimate_error(&system, &solution, &info, options.error_points, options.seed, progress))
-        .transpose()
-        .map_err(SolveError::Interrupted)?;
-    Ok(Solved {
+    let within = within(&system, &solution)?;
+    let sampling = Sampling { points: options.error_points, seed: options.seed, within: within.as_deref() };
+    let estimated = (options.error_points > 0)
+        .then(|| estimate_error(&system, &solution, &info, &sampling, progress))
+        .transpose()?;
+    let (error, seen) = estimated.map_or((None, Vec::new()), |Estimated { error, seen }| (Some(error), seen));
+    let solved = Solved {
         energy: system.energy(&solution),
         unknowns: system.space.dofs(),
         operator: system.exchange.statistics(),
@@ -191,11 +212,12 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
         solver_time,
         error,
         solution,
-    })
+    };
+    Ok((solved, seen))
 }
 
 /// How strongly the light of each cell counts: its exitance over the mean irradiance that the scene's power makes.
-fn strengths(scene: &Scene) -> Vec<f64> {
+pub(super) fn strengths(scene: &Scene) -> Vec<f64> {
     let cells = scene.mesh.cells.len();
     let exitance = |cell: usize| {
         let site = scene.site(cell, [1.0 / 3.0, 1.0 / 3.0]);
@@ -325,7 +347,18 @@ impl System {
         params: &solve::Params,
         progress: &dyn Progress,
     ) -> Result<(Solution, Info), Error> {
-        let right_side = self.join.collect(&load(&self.scene, &self.space));
+        Ok(self.solve_for(&load(&self.scene, &self.space), kind, params, progress)?)
+    }
+
+    /// The same for another emission, given by its integrals ∫B⁰N_i against the broken functions.
+    fn solve_for(
+        &self,
+        load: &MultiVector,
+        kind: solve::Kind,
+        params: &solve::Params,
+        progress: &dyn Progress,
+    ) -> Result<(Solution, Info), SolveError> {
+        let right_side = self.join.collect(load);
         let reflectance = weighted_mass(&self.scene, &self.space);
         let transport = Transport {
             join: &self.join,
@@ -336,14 +369,14 @@ impl System {
         let mut b = self.inverse_mass().times(&right_side);
         let info = match (kind, self.root_reflectance()) {
             (solve::Kind::Cg, Some(root)) => {
-                let symmetric = Symmetric { mass: self.mass(), exchange: &self.exchange, root: &root };
+                let symmetric = Symmetric { mass: self.joined_mass(), exchange: &self.exchange, root: &root };
                 return self.solve_symmetric(&symmetric, &b, params, progress);
             }
             (solve::Kind::Neumann, _) => {
                 neumann(&self.inverse_mass(), &transport, &right_side, &mut b, params, progress)?
             }
             _ => {
-                let equation = Equation { mass: self.mass(), transport };
+                let equation = Equation { mass: self.joined_mass(), transport };
                 gmres(&equation, &*self.preconditioner, &right_side, &mut b, params, progress)?
             }
         };
@@ -356,7 +389,7 @@ impl System {
         emission: &MultiVector,
         params: &solve::Params,
         progress: &dyn Progress,
-    ) -> Result<(Solution, Info), Error> {
+    ) -> Result<(Solution, Info), SolveError> {
         let emission = self.join.spread(emission);
         let right_side = symmetric.reflected(&emission);
         let mut c = MultiVector::zeros(right_side.rows(), right_side.bands());
@@ -428,11 +461,36 @@ impl System {
         Gather { panels: self.panels(), blockers: &self.blockers, strengths: &self.strengths, solution }
     }
 
-    fn mass(&self) -> Mass<'_> {
+    /// What surfaces reflect, again and again, if they emit a function of the broken space: (I − RK)⁻¹RK of it, to three
+    /// digits, in the broken space.
+    ///
+    /// # Errors
+    /// [`SolveError`].
+    pub fn reflections(&self, emission: &MultiVector, progress: &dyn Progress) -> Result<MultiVector, SolveError> {
+        if emission.as_slice().iter().all(|&value| value == 0.0) {
+            return Ok(emission.clone());
+        }
+        let params = solve::Params { tolerance: 1e-3, ..Default::default() };
+        let (solution, _) = self.solve_for(&self.mass.times(emission), self.best_solver(), &params, progress)?;
+        let reflected = weighted_mass(&self.scene, &self.space).times(&solution.irradiance);
+        Ok(self.mass_inverse.times(&reflected))
+    }
+
+    /// Δ⁻¹ b⁰: what the scene emits, in the broken space.
+    pub(super) fn projected_emission(&self) -> MultiVector {
+        self.mass_inverse.times(&load(&self.scene, &self.space))
+    }
+
+    /// Δ of the broken space.
+    pub(super) fn mass(&self) -> &BlockDiagonal {
+        &self.mass
+    }
+
+    fn joined_mass(&self) -> Mass<'_> {
         Mass { join: &self.join, mass: &self.mass }
     }
 
     fn inverse_mass(&self) -> InverseMass<'_> {
-        InverseMass { mass: self.mass(), preconditioner: &*self.preconditioner }
+        InverseMass { mass: self.joined_mass(), preconditioner: &*self.preconditioner }
     }
 }

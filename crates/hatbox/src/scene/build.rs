@@ -7,7 +7,7 @@
 
 use super::{Camera, Material, Physics, Quantity, Scene, Surface};
 use crate::element::{Basis, Shape};
-use crate::mesh::{Builder, Corner, Mesh, RefineError, Refinement};
+use crate::mesh::{Bisected, Builder, Corner, Mesh, RefineError, Refinement};
 use glam::DVec3;
 use std::fmt;
 use std::sync::Arc;
@@ -187,6 +187,43 @@ impl Scene {
         self.bands = check_materials(&materials)?;
         self.materials = materials;
         Ok(())
+    }
+
+    /// [`refined`](Self::refined), with vertices at t^q from the edges of the faces: finer there. Quads are graded as
+    /// quads and split afterwards, so that their diagonals are none of the edges.
+    ///
+    /// # Errors
+    /// [`RefineError`] if the subdivision is impossible or too fine.
+    pub fn refined_graded(&self, refinement: Refinement, q: f64, basis: &Basis) -> Result<Self, RefineError> {
+        if q <= 1.0 {
+            return self.refined(refinement, basis);
+        }
+        let quads = self.mesh.cells.iter().any(|cell| cell.shape == Shape::Quad);
+        let split = basis.quad.is_none() && quads;
+        let refinement = match refinement {
+            Refinement::Elements(n) if split => Refinement::Elements(n.div_ceil(2)),
+            other => other,
+        };
+        let mesh = self.mesh.refined_graded(refinement, q)?;
+        let mesh = if split { mesh.triangulated() } else { mesh };
+        Ok(Self { mesh, surfaces: Arc::clone(&self.surfaces), ..self.clone() })
+    }
+
+    /// The scene with the marked cells refined, and few others ([`Mesh::bisected`]); quads stay as they are. Also for each
+    /// new cell the one that it is a piece of. What blocks light stays as it was.
+    ///
+    /// # Panics
+    /// If there is not one mark per cell.
+    #[must_use]
+    pub fn bisected(&self, marked: &[bool]) -> (Self, Vec<u32>) {
+        let Bisected { mesh, parents } = self.mesh.bisected(marked);
+        (Self { mesh, surfaces: Arc::clone(&self.surfaces), ..self.clone() }, parents)
+    }
+
+    /// The scene with every quad split into triangles.
+    #[must_use]
+    pub fn triangulated(&self) -> Self {
+        Self { mesh: self.mesh.triangulated(), surfaces: Arc::clone(&self.surfaces), ..self.clone() }
     }
 
     /// Whether two materials reflect and emit the same everywhere.

@@ -1,0 +1,67 @@
+//! A region of interest, and how much the rest of the scene matters to it.
+//!
+//! The dual equation ψ = 1_focus + K R ψ has the same S: ψ(y) is the expected number of times that light leaving y meets
+//! the focus. An error left at y reaches the focus with at most that weight, so indicators outside are multiplied with
+//! it (R. Becker, R. Rannacher, "An optimal control approach to a posteriori error estimation", Acta Numerica 10, 2001).
+
+use crate::linalg::MultiVector;
+use crate::progress::Progress;
+use crate::radiosity::{Solution, System};
+use crate::scene::Scene;
+use crate::solve::SolveError;
+use glam::DVec3;
+
+/// Where the error counts.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Focus {
+    /// The cells of a material or of a group (object, node) of that name.
+    Name(String),
+    /// The cells whose middle lies in the box with these opposite corners, in metres.
+    Box(DVec3, DVec3),
+}
+
+impl Focus {
+    /// Which cells it means.
+    pub fn cells(&self, scene: &Scene) -> Vec<bool> {
+        let mesh = &scene.mesh;
+        let named = |cell: usize, name: &str| {
+            scene.material(cell).name == name || mesh.groups[mesh.cells[cell].group as usize] == name
+        };
+        let inside = |cell: usize, a: DVec3, b: DVec3| {
+            let p = mesh.patch(cell).center();
+            p.cmpge(a.min(b)).all() && p.cmple(a.max(b)).all()
+        };
+        let of = |cell| match self {
+            Self::Name(name) => named(cell, name),
+            &Self::Box(a, b) => inside(cell, a, b),
+        };
+        (0..mesh.cells.len()).map(of).collect()
+    }
+}
+
+/// For each cell the greater of 1_focus and R ψ's mean: at most what an error there does to the focus, relative to one
+/// within. The dual solution is that of a scene whose focus glows: S is symmetric.
+pub(super) fn importance(
+    system: &System,
+    solution: &Solution,
+    focus: &[bool],
+    progress: &dyn Progress,
+) -> Result<Vec<f64>, SolveError> {
+    let space = &solution.space;
+    let mut glow = MultiVector::zeros(space.broken_dofs(), solution.bands());
+    for cell in (0..space.cells()).filter(|&cell| focus[cell]) {
+        for band in 0..solution.bands() {
+            glow.band_mut(band)[space.range(cell)].fill(1.0);
+        }
+    }
+    let reflected = system.reflections(&glow, progress)?;
+    let mean = |cell: usize, band: usize| {
+        let range = space.range(cell);
+        reflected.band(band)[range.clone()].iter().sum::<f64>() / range.len() as f64
+    };
+    let of = |cell: usize| {
+        let greatest = (0..solution.bands()).map(|band| mean(cell, band)).fold(0.0, f64::max);
+        if focus[cell] { 1.0 } else { greatest.min(1.0) }
+    };
+    Ok((0..space.cells()).map(of).collect())
+}

@@ -1,0 +1,189 @@
+//! Meshes that follow the light: solve, estimate, refine, until the error is what was asked for.
+//!
+//! A round solves on the mesh at hand, estimates ‖B − B̃‖/‖B̃ − B⁰‖, and, if that is too much, refines the cells which
+//! hold half of the indicated square of the error (W. Dörfler, "A convergent adaptive algorithm for Poisson's equation",
+//! SIAM J. Numer. Anal. 33, 1996), or three quarters while the error is still more than twice what it may be. Indicators
+//! are those of [`local_error`], raised where the points of the estimate saw more. Everything that the mesh decides
+//! follows by itself: elements become small where a shadow's border passes and towards the edges of rooms.
+//!
+//! Every round builds its operator afresh. Blocks of cells that did not change could be copied from the last one: vertices
+//! keep their numbers and rays are seeded by them, so that the copies would be the same to the last bit.
+
+mod focus;
+
+pub use focus::Focus;
+
+use crate::mesh::Refinement;
+use crate::progress::Progress;
+use crate::radiosity::{self, Error, Solution, Solved, System, local_error, solve_subdivided};
+use crate::scene::Scene;
+use crate::solve::SolveError;
+use std::time::{Duration, Instant};
+
+/// θ: the part of the indicated square of the error whose cells are refined …
+const BULK: f64 = 0.5;
+/// … and while the error is more than twice what it may be.
+const BULK_FAR: f64 = 0.75;
+/// The operator may have this part of the error.
+const OPERATOR_SHARE: f64 = 0.5;
+/// Of a residual seen at a cell's points, as much of its square is believed of the cell at least.
+const BELIEVED: f64 = 0.25;
+
+/// What is asked for.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Basis, continuity, operator, solver, seed, points of the estimate. [`refinement`](radiosity::Options::refinement)
+    /// makes the first mesh; the operator's tolerance is set by the one below.
+    pub solve: radiosity::Options,
+    /// The greatest ‖B − B̃‖/‖B̃ − B⁰‖, estimated.
+    pub tolerance: f64,
+    /// Refinement stops before there are more coefficients per band than this in the broken space, where the operator
+    /// lives: a dense one takes 4 n² bytes.
+    pub most_coefficients: usize,
+    /// Where the error counts; everywhere if not given.
+    pub focus: Option<Focus>,
+}
+
+impl Default for Options {
+    /// Joined linear functions to 2 %, from about 400 elements on.
+    fn default() -> Self {
+        let solve = radiosity::Options { refinement: Refinement::Elements(400), ..radiosity::Options::default() };
+        Self { solve, tolerance: 0.02, most_coefficients: 20_000, focus: None }
+    }
+}
+
+/// One round.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Round {
+    /// Number of elements.
+    pub elements: usize,
+    /// Unknowns per band.
+    pub unknowns: usize,
+    /// The estimated relative error.
+    pub estimate: f64,
+    /// Time it took.
+    pub time: Duration,
+}
+
+/// A solution, and how its mesh came to be.
+#[derive(Debug, Clone)]
+pub struct Adapted {
+    /// The last round's solution.
+    pub solved: Solved,
+    /// The rounds, in order.
+    pub rounds: Vec<Round>,
+    /// Whether the estimate is at most the tolerance. If not, the next mesh would have had too many coefficients.
+    pub reached: bool,
+}
+
+/// Solves to a tolerance.
+///
+/// # Errors
+/// [`Error`]; nothing is left behind.
+pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Adapted, Error> {
+    let mut settings = options.solve;
+    settings.tolerance = OPERATOR_SHARE * options.tolerance;
+    let mut scene = first_mesh(scene, &settings)?;
+    if let Some(focus) = &options.focus {
+        scene = in_focus(scene, focus, options);
+    }
+    let mut rounds = Vec::new();
+    loop {
+        let started = Instant::now();
+        let focus = options.focus.as_ref().map(|focus| focus.cells(&scene));
+        let mut importance = None;
+        let within = |system: &System, solution: &Solution| -> Result<_, SolveError> {
+            if let Some(cells) = &focus {
+                importance = Some(focus::importance(system, solution, cells, progress)?);
+            }
+            Ok(focus.clone())
+        };
+        let (solved, seen) = solve_subdivided(scene, &settings, within, progress)?;
+        let estimate = solved.error.map_or(0.0, |error| error.relative);
+        let elements = solved.solution.space.cells();
+        rounds.push(Round { elements, unknowns: solved.unknowns, estimate, time: started.elapsed() });
+        if estimate <= options.tolerance {
+            return Ok(Adapted { solved, rounds, reached: true });
+        }
+        let squares = error_squares(&solved.solution, &seen, importance.as_deref());
+        let bulk = if estimate > 2.0 * options.tolerance { BULK_FAR } else { BULK };
+        let (finer, _) = solved.solution.scene.bisected(&marked(&squares, bulk));
+        let per_cell = settings.basis.triangle.dofs();
+        // A mesh that does not grow has no error to refine for: what is left is not the elements'.
+        if finer.mesh.cells.len() * per_cell > options.most_coefficients || finer.mesh.cells.len() == elements {
+            return Ok(Adapted { solved, rounds, reached: false });
+        }
+        scene = finer;
+    }
+}
+
+/// Triangles to start from.
+fn first_mesh(scene: &Scene, settings: &radiosity::Options) -> Result<Scene, Error> {
+    let scene = if settings.grading <= 1.0 { scene.triangulated() } else { scene.clone() };
+    Ok(scene.refined_graded(settings.refinement, settings.grading, settings.basis)?.triangulated())
+}
+
+/// The scene halved all over until some cell is in focus, as long as it may grow.
+fn in_focus(mut scene: Scene, focus: &Focus, options: &Options) -> Scene {
+    let most = options.most_coefficients / options.solve.basis.triangle.dofs();
+    while !focus.cells(&scene).contains(&true) && 4 * scene.mesh.cells.len() <= most {
+        scene = scene.bisected(&vec![true; scene.mesh.cells.len()]).0;
+    }
+    scene
+}
+
+/// The square of the error of each cell relative to the reflected light, summed over bands, times its importance.
+fn error_squares(solution: &Solution, seen: &[(usize, f64)], importance: Option<&[f64]>) -> Vec<f64> {
+    let indicated = local_error(solution);
+    let weights: Vec<f64> = indicated.iter_bands().map(|band| total(solution, band)).collect();
+    let areas: Vec<f64> = (0..solution.space.cells()).map(|cell| solution.scene.mesh.patch(cell).area()).collect();
+    let mut squares: Vec<f64> = areas.clone();
+    for (cell, square) in squares.iter_mut().enumerate() {
+        let of = |(band, &all): (usize, &f64)| if all > 0.0 { indicated.band(band)[cell].powi(2) / all } else { 0.0 };
+        *square *= weights.iter().enumerate().map(of).sum::<f64>();
+    }
+    // Indicators are relative to their own sum, the points' residuals to that of their squares.
+    let points: f64 = seen.iter().map(|&(cell, square)| square * areas[cell]).sum();
+    let bands = weights.len() as f64;
+    for &(cell, square) in seen {
+        squares[cell] = squares[cell].max(BELIEVED * bands * square * areas[cell] / points.max(f64::MIN_POSITIVE));
+    }
+    if let Some(importance) = importance {
+        squares.iter_mut().zip(importance).for_each(|(square, w)| *square *= w * w);
+    }
+    squares
+}
+
+/// ∫ of the square of an indicator.
+fn total(solution: &Solution, indicated: &[f64]) -> f64 {
+    indicated.iter().enumerate().map(|(cell, e)| e * e * solution.scene.mesh.patch(cell).area()).sum()
+}
+
+/// The fewest cells that hold the given part of the sum.
+fn marked(squares: &[f64], bulk: f64) -> Vec<bool> {
+    let mut order: Vec<usize> = (0..squares.len()).collect();
+    order.sort_by(|&a, &b| squares[b].total_cmp(&squares[a]).then(a.cmp(&b)));
+    let target = bulk * squares.iter().sum::<f64>();
+    let mut marked = vec![false; squares.len()];
+    let mut sum = 0.0;
+    for cell in order {
+        if sum >= target || squares[cell] == 0.0 {
+            break;
+        }
+        marked[cell] = true;
+        sum += squares[cell];
+    }
+    marked
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_fewest_cells_that_hold_the_part_are_marked() {
+        assert_eq!(marked(&[1.0, 5.0, 0.0, 4.0], 0.5), [false, true, false, false]);
+        assert_eq!(marked(&[1.0, 5.0, 0.0, 4.0], 0.9), [false, true, false, true]);
+        assert_eq!(marked(&[0.0, 0.0], 0.9), [false, false]);
+    }
+}

@@ -1,0 +1,256 @@
+//! Error estimates, local refinement, and solving to a tolerance.
+
+mod manufactured;
+#[expect(dead_code, reason = "not every test needs every mesh")]
+mod meshes;
+
+use glam::DVec3;
+use hatbox::adapt::{self, Focus};
+use hatbox::element::{ALL, Basis};
+use hatbox::mesh::{Mesh, Refinement, Topology};
+use hatbox::progress::Silent;
+use hatbox::quadrature::rule;
+use hatbox::radiosity::{Options, Shown, Solution, System, error_of, gathered, local_error, solve};
+use hatbox::scene::{Material, Physics, Quantity, Scene};
+use hatbox::space::{Continuity, FunctionSpace};
+use hatbox::{exchange, solve as solvers};
+use manufactured::{RHO, chosen, l2_error};
+use std::f64::consts::SQRT_2;
+
+/// A room with a lamp in its ceiling's place and a sheet that throws a shadow.
+fn room(split: bool) -> Scene {
+    let mut mesh = meshes::room(DVec3::ONE, |_| split);
+    mesh.cells[1].material = 1;
+    let sheet = [(0.3, 0.3), (0.7, 0.3), (0.7, 0.7), (0.3, 0.7)].map(|(x, y)| DVec3::new(x, y, 0.4));
+    meshes::face(&mut mesh, &sheet, 2);
+    let lamp = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("lamp", 0.0) };
+    let sheet = Material { two_sided: true, ..Material::diffuse("sheet", 0.3) };
+    Scene::new(mesh, vec![Material::diffuse("walls", 0.5), lamp, sheet], Physics::Light, None).expect("valid")
+}
+
+#[test]
+fn bisection_leaves_no_hanging_vertex_and_keeps_what_cells_are() {
+    let mut mesh = room(false).triangulated().mesh;
+    let area = mesh.area();
+    for round in 0..6_usize {
+        let marked: Vec<bool> = (0..mesh.cells.len()).map(|cell| (cell * 7 + round) % 11 == 0).collect();
+        let old = std::mem::take(&mut mesh);
+        let bisected = old.bisected(&marked);
+        mesh = bisected.mesh;
+        assert!((mesh.area() - area).abs() < 1e-12 * area);
+        assert_eq!(mesh.vertices[..old.vertices.len()], old.vertices, "vertices keep their numbers");
+        let (_, hanging) = mesh.conformed(1e-9);
+        assert_eq!(hanging, 0, "round {round}");
+        for (cell, &parent) in mesh.cells.iter().zip(&bisected.parents) {
+            let like = &old.cells[parent as usize];
+            assert_eq!((cell.material, cell.group, cell.surface), (like.material, like.group, like.surface));
+        }
+        let pieces = |cell: usize| bisected.parents.iter().filter(|&&p| p as usize == cell).count();
+        assert!((0..marked.len()).all(|cell| !marked[cell] || pieces(cell) == 4));
+        closed_as_before(&old, &mesh);
+    }
+}
+
+/// As many edges are open after refinement as were before, counted by length.
+fn closed_as_before(old: &Mesh, new: &Mesh) {
+    let open = |mesh: &Mesh| -> f64 {
+        let topology = Topology::new(mesh);
+        let length = |edge| {
+            let [a, b] = topology.vertices(edge).map(|v: u32| mesh.vertices[v as usize]);
+            a.distance(b)
+        };
+        topology.open_edges().map(length).sum()
+    };
+    assert!((open(old) - open(new)).abs() < 1e-9);
+}
+
+fn options(basis: &'static Basis, max_edge: f64) -> Options {
+    Options {
+        basis,
+        refinement: Refinement::MaxEdge(max_edge),
+        tolerance: 10f64.powi(-2 - basis.order as i32),
+        error_points: 256,
+        ..Options::default()
+    }
+}
+
+/// ‖B − B⁰‖ of the manufactured solution.
+fn reflected(solution: &Solution) -> f64 {
+    let mesh = &solution.scene.mesh;
+    let mut sum = 0.0;
+    for cell in 0..mesh.cells.len() {
+        let patch = mesh.patch(cell);
+        let rule = rule(patch.shape(), 5);
+        for (&at, weight) in rule.points.iter().zip(&rule.weights) {
+            let b0 = solution.scene.material(cell).exitance.at(&solution.scene.site(cell, at), 0);
+            sum += weight * patch.area() * (chosen(patch.point(at)) - b0).powi(2);
+        }
+    }
+    sum.sqrt()
+}
+
+/// The estimate over the true error lies between 1 and 5.
+#[test]
+fn estimates_are_effective_where_the_truth_is_known() {
+    for (basis, n) in [(&ALL[0], 4.0), (&ALL[1], 2.0), (&ALL[3], 2.0)] {
+        let longest = if basis.quad.is_some() { 1.0 } else { SQRT_2 };
+        let solved = solve(&manufactured::scene(), &options(basis, 1.001 * longest / n), &Silent).expect("solved");
+        let truth = l2_error(&solved.solution) / reflected(&solved.solution);
+        let estimate = solved.error.expect("asked for").relative;
+        let effectivity = estimate / truth;
+        assert!((1.0..5.0).contains(&effectivity), "{}: {effectivity} = {estimate} / {truth}", basis.name);
+    }
+}
+
+/// Sloan's iterate B⁰ + RKB̃ gains half an order at least.
+#[test]
+fn one_more_gather_gains_half_an_order() {
+    for basis in [&ALL[0], &ALL[1]] {
+        let longest = if basis.quad.is_some() { 1.0 } else { SQRT_2 };
+        let error = |n: f64| gathered_error(basis, 1.001 * longest / n);
+        let errors = [error(2.0), error(4.0)];
+        let order = (errors[0] / errors[1]).log2();
+        assert!(order > basis.order as f64 + 0.35, "{}: order {order}, errors {errors:?}", basis.name);
+    }
+}
+
+/// ‖B⁰ + RKB̃ − B‖ for the manufactured solution.
+fn gathered_error(basis: &'static Basis, max_edge: f64) -> f64 {
+    let scene = manufactured::scene().refined(Refinement::MaxEdge(max_edge), basis).expect("refined");
+    let space = FunctionSpace::new(&scene, basis, Continuity::Broken).expect("elements");
+    let params = exchange::Params::new(10f64.powi(-3 - basis.order as i32));
+    let system = System::new(scene, space, &exchange::ALL[0], &params, &Silent).expect("built");
+    let tight = solvers::Params { tolerance: 1e-10, ..Default::default() };
+    let (solution, _) = system.solve(system.best_solver(), &tight, &Silent).expect("solved");
+    let (gather, mesh) = (system.gather(&solution), &system.scene.mesh);
+    let mut sum = 0.0;
+    for cell in 0..mesh.cells.len() {
+        let patch = mesh.patch(cell);
+        let rule = rule(patch.shape(), 2);
+        for (&at, weight) in rule.points.iter().zip(&rule.weights) {
+            let x = patch.point(at);
+            let e = gather.irradiance(x, patch.normal(), mesh.cells[cell].surface, 0)[0];
+            let error = RHO * (e - manufactured::chosen_irradiance(x));
+            sum += weight * patch.area() * error * error;
+        }
+    }
+    sum.sqrt()
+}
+
+#[test]
+fn a_solution_gathered_at_its_nodes_is_close_to_itself_and_positive() {
+    let options = Options { refinement: Refinement::Elements(200), error_points: 0, ..Options::default() };
+    let solution = solve(&room(false), &options, &Silent).expect("solved").solution;
+    let again = gathered(&solution, 0, &Silent).expect("gathered");
+    let mut difference = again.radiosity.clone();
+    difference.add_scaled(-1.0, &solution.radiosity);
+    assert!(difference.norms()[0] < 0.1 * solution.radiosity.norms()[0]);
+    assert!(again.irradiance.as_slice().iter().all(|&e| e >= 0.0 && e <= 1.0), "no more than the lamp's exitance");
+}
+
+/// Solving to a tolerance, from the faces of the file on.
+fn to(tolerance: f64) -> adapt::Options {
+    let solve = Options { refinement: Refinement::None, ..Options::default() };
+    adapt::Options { solve, tolerance, ..adapt::Options::default() }
+}
+
+#[test]
+fn refinement_reaches_what_was_asked_and_goes_where_the_error_is() {
+    let adapted = adapt::solve(&room(false), &to(0.05), &Silent).expect("solved");
+    assert!(adapted.reached && adapted.rounds.len() > 1, "{:?}", adapted.rounds);
+    let estimate = |k: usize| adapted.rounds[k].estimate;
+    let last = adapted.rounds.len() - 1;
+    assert!(estimate(last) <= 0.05 && estimate(last - 1) > 0.05);
+    let mesh = &adapted.solved.solution.scene.mesh;
+    let walls = (0..mesh.cells.len()).filter(|&cell| mesh.cells[cell].material == 0);
+    let (least, greatest) =
+        walls.map(|cell| mesh.patch(cell).area()).fold((f64::MAX, 0.0_f64), |(a, b), x| (a.min(x), b.max(x)));
+    assert!(greatest > 3.9 * least, "the mesh is uniform: {least} {greatest}");
+    assert!(adapted.solved.energy.defect() < 1e-9);
+    let few = adapt::Options { most_coefficients: 100, ..to(0.01) };
+    assert!(!adapt::solve(&room(false), &few, &Silent).expect("solved").reached);
+}
+
+#[test]
+fn with_a_focus_the_rest_is_refined_less() {
+    let focused = adapt::Options { focus: Some(Focus::Name("sheet".to_owned())), ..to(0.03) };
+    let elements = |options: &adapt::Options| {
+        let adapted = adapt::solve(&room(false), options, &Silent).expect("solved");
+        assert!(adapted.reached, "{:?}", adapted.rounds);
+        adapted.solved.solution.space.cells()
+    };
+    let (some, all) = (elements(&focused), elements(&to(0.03)));
+    assert!(some < all, "{some} {all}");
+}
+
+#[test]
+fn where_light_is_uniform_nothing_is_indicated() {
+    let mesh = meshes::room(DVec3::ONE, |_| false);
+    let furnace = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("furnace", 0.5) };
+    let scene = Scene::new(mesh, vec![furnace], Physics::Light, None).expect("valid");
+    for basis in &ALL {
+        let options = Options { basis, refinement: Refinement::Elements(48), tolerance: 1e-4, ..Options::default() };
+        let solved = solve(&scene, &options, &Silent).expect("solved");
+        let error = local_error(&solved.solution);
+        assert!(error.as_slice().iter().all(|&e| e < 1e-8), "{}", basis.name);
+        assert_eq!(error_of(&solved.solution).evaluate(Shown::Radiosity, 3, [0.2, 0.2], 0), error.band(0)[3]);
+        let estimate = solved.error.expect("asked for");
+        assert!(estimate.relative < 1e-3, "{}: {estimate:?}", basis.name);
+    }
+}
+
+#[test]
+fn graded_meshes_fit_together_and_keep_area_and_corners() {
+    for split in [false, true] {
+        let scene = room(split);
+        for basis in [&ALL[0], &ALL[1]] {
+            let uniform = scene.refined(Refinement::MaxEdge(0.26), basis).expect("refined");
+            let graded = scene.refined_graded(Refinement::MaxEdge(0.26), 2.0, basis).expect("refined");
+            assert!((graded.mesh.area() - uniform.mesh.area()).abs() < 1e-12);
+            assert_eq!(graded.mesh.conformed(1e-9).1, 0, "hanging vertices");
+            assert_eq!(graded.mesh.vertices[..scene.mesh.vertices.len()], scene.mesh.vertices);
+            // The first of four parts of an edge of length 1 ends at (1/4)²/((1/4)² + (3/4)²).
+            assert!(graded.mesh.vertices.iter().any(|v| v.distance(DVec3::new(0.1, 0.0, 0.0)) < 1e-12));
+        }
+    }
+}
+
+/// The interpolation error of a function that is like r^β at edges, β = 0.63 being that of ρ = 0.8: order β + ½ on uniform
+/// meshes, that of the basis on graded ones.
+#[test]
+fn grading_gives_the_order_back_that_edges_take() {
+    let scene =
+        Scene::new(meshes::room(DVec3::ONE, |_| false), vec![Material::diffuse("walls", 0.8)], Physics::Light, None);
+    let scene = scene.expect("valid");
+    for (basis, q) in [(&ALL[1], 2.0), (&ALL[3], 3.0)] {
+        let order = |q: f64| {
+            let error = |n: f64| interpolation_error(&scene, basis, 1.001 * SQRT_2 / n, q);
+            (error(16.0) / error(32.0)).log2()
+        };
+        let (uniform, graded) = (order(1.0), order(q));
+        assert!(uniform < 1.3, "{}: uniform {uniform}", basis.name);
+        assert!(graded > basis.order as f64 - 0.25, "{}: graded {graded}", basis.name);
+    }
+}
+
+/// Like the distance to the power 0.63 at every edge of the unit cube's surface, and smooth elsewhere.
+fn singular(p: DVec3) -> f64 {
+    p.to_array().map(|x| (x * (1.0 - x)).max(0.0).powf(0.63)).iter().sum()
+}
+
+fn interpolation_error(scene: &Scene, basis: &'static Basis, max_edge: f64, q: f64) -> f64 {
+    // Splitting quads before or after subdividing them gives cells of the same size.
+    let max_edge = if q == 1.0 { max_edge } else { max_edge / SQRT_2 };
+    let mesh = scene.refined_graded(Refinement::MaxEdge(max_edge), q, basis).expect("refined").mesh;
+    let mut sum = 0.0;
+    for cell in 0..mesh.cells.len() {
+        let (patch, element) = (mesh.patch(cell), basis.triangle);
+        let values: Vec<f64> = element.nodes.iter().map(|node| singular(patch.point(node.at))).collect();
+        let rule = rule(patch.shape(), 8);
+        for (&at, weight) in rule.points.iter().zip(&rule.weights) {
+            let found: f64 = values.iter().zip(element.values(at)).map(|(v, n)| v * n).sum();
+            sum += weight * patch.area() * (found - singular(patch.point(at))).powi(2);
+        }
+    }
+    sum.sqrt()
+}
