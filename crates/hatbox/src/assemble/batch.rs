@@ -11,6 +11,12 @@
 //! Four kernel values share one division, which is what the processor is slowest at: a/p + b/q is (aq + bp)/(pq).
 //! And the panels are flat, so that of G = cosθ_a r · cosθ_b r / (π r⁴) only r depends on both points.
 
+#![expect(clippy::inline_always, reason = "kernels must be inlined into functions compiled for their instruction set")]
+#![expect(
+    clippy::needless_range_loop,
+    reason = "several arrays run in step, and iterators are not inlined into kernels"
+)]
+
 use super::Accuracy;
 use super::pair::{FLAT, a_priori_error_factors};
 use super::panel::{LADDER, Panel};
@@ -271,7 +277,7 @@ fn constants(a: &Panel, chunk: &Chunk, rung: usize) -> Lanes {
     let mut weights = [[0.0; LANES]; MAX_NODES];
     weighted_heights(a, nodes, &mut weights);
     let (fours, single) = nodes.as_chunks::<4>();
-    let (weights, weights_single) = (&weights[..nodes.len()]).as_chunks::<4>();
+    let (weights, weights_single) = weights[..nodes.len()].as_chunks::<4>();
     let mut total = [0.0; LANES];
     for p in 0..points.len() {
         let x = points.at(p);

@@ -58,7 +58,6 @@ impl Dense {
 }
 
 /// The greater of two numbers; no number if one of them is none.
-#[inline(always)]
 fn greater(a: f64, b: f64) -> f64 {
     if b <= a { a } else { b }
 }
