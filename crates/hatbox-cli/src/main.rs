@@ -23,6 +23,6 @@ fn main() -> ExitCode {
     // 4. What became of it.
     match done {
         Ok(status) => status,
-        Err(failure) => failure.report(),
+        Err(failure) => failure::report(failure),
     }
 }

@@ -6,11 +6,9 @@ use crate::failure::Failure;
 use crate::progress::Bars;
 use crate::style::Style;
 use crate::{options, output, summary};
-use hatbox::exchange::ExchangeError;
 use hatbox::io::{self, factors};
-use hatbox::view_factors::{self, ViewFactors};
+use hatbox::view_factors::ViewFactors;
 use serde::Serialize;
-use std::path::Path;
 use std::time::Instant;
 
 /// What `--json` prints.
@@ -66,7 +64,7 @@ pub(super) fn run(args: &FactorsArgs, talk: Talk) -> Result<(), Failure> {
     // 3. The factors.
     let bars = Bars::new(talk.shows_progress());
     let found = ViewFactors::new(&scene, &options::factors(args), &bars);
-    let found = found.map_err(|error| failure(&args.scene.path, &error))?;
+    let found = found.map_err(|error| Failure::from(error).in_file(&args.scene.path))?;
     // 4. The files.
     let mut outputs = Vec::new();
     for path in &args.output {
@@ -82,13 +80,6 @@ pub(super) fn run(args: &FactorsArgs, talk: Talk) -> Result<(), Failure> {
         Talk::Json => output::print_json(&done),
         Talk::Summary => output::print(&summary::factors(&args.scene.path, &found, &done, Style::stdout())),
         Talk::Quiet => Ok(()),
-    }
-}
-
-fn failure(path: &Path, error: &view_factors::Error) -> Failure {
-    match error {
-        view_factors::Error::Exchange(ExchangeError::Interrupted(_)) => Failure::Interrupted,
-        _ => Failure::of_file(path, error),
     }
 }
 

@@ -42,7 +42,7 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
     output::warn(&warnings);
     // 3. The light in it.
     let bars = Bars::new(talk.shows_progress());
-    let solved = solve(&scene, &options, &bars).map_err(|error| Failure::of_solve(&args.scene.path, &error))?;
+    let solved = solve(&scene, &options, &bars).map_err(|error| Failure::from(error).in_file(&args.scene.path))?;
     // 4. The files.
     let outputs = write(&solved.solution, &args.output, &options::write(&args.view, scene.camera, &bars))?;
     // 5. The summary.

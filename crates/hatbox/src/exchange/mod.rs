@@ -14,6 +14,7 @@ use crate::linalg::LinearOperator;
 use crate::progress::{Interrupted, Progress};
 use crate::scene::Surface;
 use crate::visibility::Bvh;
+use std::sync::Arc;
 
 /// What an operator cost and how far it may be wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -43,6 +44,13 @@ impl Statistics {
 pub trait Exchange: LinearOperator + Send {
     /// What it cost and how far it may be wrong.
     fn statistics(&self) -> Statistics;
+}
+
+/// One operator shared by all paints and lamps of the same cells.
+impl<T: Exchange + ?Sized> Exchange for Arc<T> {
+    fn statistics(&self) -> Statistics {
+        (**self).statistics()
+    }
 }
 
 /// How an operator is to be built.

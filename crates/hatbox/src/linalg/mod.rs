@@ -14,6 +14,8 @@ pub use csr::Csr;
 pub use multivector::MultiVector;
 pub(crate) use multivector::dot;
 
+use std::sync::Arc;
+
 /// A linear map applied to all columns of a [`MultiVector`] in one pass.
 ///
 /// The map may differ from column to column (a reflectance per band); columns never mix.
@@ -30,6 +32,18 @@ pub trait LinearOperator: Sync {
         let mut y = MultiVector::zeros(self.rows(), x.bands());
         self.apply(x, &mut y);
         y
+    }
+}
+
+impl<T: LinearOperator + Send + ?Sized> LinearOperator for Arc<T> {
+    fn rows(&self) -> usize {
+        (**self).rows()
+    }
+    fn cols(&self) -> usize {
+        (**self).cols()
+    }
+    fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
+        (**self).apply(x, y);
     }
 }
 

@@ -1,6 +1,6 @@
 use super::operators::{Equation, InverseMass, Join, Mass, Symmetric, Transport, preconditioner};
 use super::{ErrorEstimate, Gather, Solution, estimate_error};
-use crate::assemble::{Panel, load, mass, weighted_mass};
+use crate::assemble::{Accuracy, Block, Panel, Sight, load, mass, pair_block, weighted_mass};
 use crate::element::{ALL, Basis};
 use crate::exchange::{self, Balanced, Exchange, ExchangeError, Geometry, Statistics};
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
@@ -9,7 +9,9 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::solve::{self, Info, SolveError, cg, gmres, neumann};
 use crate::space::{CREASE_ANGLE, Continuity, FunctionSpace, NoElement};
-use crate::visibility::Bvh;
+use crate::visibility::{Bvh, Visibility};
+use glam::DVec3;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// The solver always goes this far: beside building the operator it costs next to nothing, and power then balances to
@@ -129,38 +131,7 @@ pub struct Solved {
 /// # Errors
 /// [`Error`]; nothing is left behind.
 pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Solved, Error> {
-    let started = Instant::now();
-    let scene = scene.refined(options.refinement, options.basis)?;
-    let space = FunctionSpace::new(&scene, options.basis, options.continuity)?;
-    let params = exchange::Params {
-        seed: options.seed,
-        strengths: strengths(&scene),
-        ..exchange::Params::new(options.tolerance)
-    };
-    let system = System::new(scene, space, options.operator, &params, progress)?;
-    let operator_time = started.elapsed();
-    let started = Instant::now();
-    let kind = options.solver.unwrap_or_else(|| system.best_solver());
-    let (solution, info) =
-        system.solve(kind, &solve::Params { tolerance: SOLVER_TOLERANCE, ..Default::default() }, progress)?;
-    let solver_time = started.elapsed();
-    let error = (options.error_points > 0)
-        .then(|| estimate_error(&system, &solution, &info, options.error_points, options.seed, progress))
-        .transpose()
-        .map_err(SolveError::Interrupted)?;
-    Ok(Solved {
-        energy: system.energy(&solution),
-        unknowns: system.space.dofs(),
-        operator: system.exchange.statistics(),
-        closure: system.exchange.closure,
-        operator_kind: options.operator.name,
-        operator_time,
-        solver: kind,
-        info,
-        solver_time,
-        error,
-        solution,
-    })
+    System::build(scene, options, progress)?.solved(options, progress)
 }
 
 /// How strongly the light of each cell counts: its exitance over the mean irradiance that the scene's power makes.
@@ -187,18 +158,104 @@ pub struct System {
     pub scene: Scene,
     /// The space.
     pub space: FunctionSpace,
-    /// S, balanced where the scene is closed.
-    pub exchange: Balanced,
+    /// S, balanced where the scene is closed; shared with the systems that [`with_scene`](Self::with_scene) made of this.
+    pub exchange: Arc<Balanced>,
+    /// Name of its kind.
+    pub operator_kind: &'static str,
+    /// Time to subdivide the mesh and build it.
+    pub operator_time: Duration,
     pub(super) panels: Vec<Panel>,
     pub(super) blockers: Bvh,
     strengths: Vec<f64>,
     join: Join,
     mass: BlockDiagonal,
     mass_inverse: BlockDiagonal,
-    preconditioner: Box<dyn LinearOperator>,
+    preconditioner: Box<dyn LinearOperator + Send>,
 }
 
 impl System {
+    /// Subdivides a scene and builds the operator.
+    ///
+    /// # Errors
+    /// [`Error`], but for [`Error::Solve`].
+    pub fn build(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Self, Error> {
+        let started = Instant::now();
+        let scene = scene.refined(options.refinement, options.basis)?;
+        let space = FunctionSpace::new(&scene, options.basis, options.continuity)?;
+        let params = exchange::Params {
+            seed: options.seed,
+            strengths: strengths(&scene),
+            ..exchange::Params::new(options.tolerance)
+        };
+        let system = Self::new(scene, space, options.operator, &params, progress)?;
+        Ok(Self { operator_time: started.elapsed(), ..system })
+    }
+
+    /// Solves, and estimates the error.
+    ///
+    /// # Errors
+    /// [`Error::Solve`].
+    pub fn solved(&self, options: &Options, progress: &dyn Progress) -> Result<Solved, Error> {
+        let started = Instant::now();
+        let kind = options.solver.unwrap_or_else(|| self.best_solver());
+        let (solution, info) =
+            self.solve(kind, &solve::Params { tolerance: SOLVER_TOLERANCE, ..Default::default() }, progress)?;
+        let solver_time = started.elapsed();
+        let error = (options.error_points > 0)
+            .then(|| estimate_error(self, &solution, &info, options.error_points, options.seed, progress))
+            .transpose()
+            .map_err(SolveError::Interrupted)?;
+        Ok(Solved {
+            energy: self.energy(&solution),
+            unknowns: self.space.dofs(),
+            operator: self.exchange.statistics(),
+            closure: self.exchange.closure,
+            operator_kind: self.operator_kind,
+            operator_time: self.operator_time,
+            solver: kind,
+            info,
+            solver_time,
+            error,
+            solution,
+        })
+    }
+
+    /// The system of the same cells in other materials (see [`Scene::with_materials`]): the operator is shared, and only
+    /// where functions are joined is found anew, since radiosity jumps where materials change.
+    ///
+    /// How finely shadows were sampled followed the lamps of the first scene; the estimated error of a solution tells
+    /// whether that is good enough for the new ones.
+    ///
+    /// # Errors
+    /// [`Error::NoElement`] if the scene is not of the same cells.
+    pub fn with_scene(&self, scene: Scene, continuity: Continuity) -> Result<Self, Error> {
+        debug_assert_eq!(scene.mesh.cells.len(), self.scene.mesh.cells.len());
+        let space = FunctionSpace::new(&scene, self.space.basis(), continuity)?;
+        let join = Join::of(&space);
+        Ok(Self {
+            exchange: Arc::clone(&self.exchange),
+            operator_kind: self.operator_kind,
+            operator_time: Duration::ZERO,
+            panels: self.panels.clone(),
+            blockers: self.blockers.clone(),
+            strengths: strengths(&scene),
+            preconditioner: preconditioner(&join, &self.mass, &self.mass_inverse),
+            mass: self.mass.clone(),
+            mass_inverse: self.mass_inverse.clone(),
+            join,
+            scene,
+            space,
+        })
+    }
+
+    /// The block S_ij = ∬ N_i N_j G V of two cells, integrated afresh to a tolerance of its own and not balanced.
+    pub fn pair_block(&self, i: usize, j: usize, accuracy: &Accuracy) -> Block {
+        let (a, b) = (&self.panels[i], &self.panels[j]);
+        let skip = [a.surface, b.surface];
+        let hides = |x: DVec3, y: DVec3| self.blockers.occluded(x, y, skip);
+        pair_block(a, b, Sight::Partial(&hides), [1.0, 1.0], accuracy)
+    }
+
     /// Builds the operator.
     ///
     /// # Errors
@@ -210,6 +267,7 @@ impl System {
         params: &exchange::Params,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
+        let started = Instant::now();
         let panels = Panel::of(&scene.mesh, &space);
         let blockers = Bvh::of_surfaces(&scene.surfaces);
         let mass = mass(&scene, &space);
@@ -219,9 +277,20 @@ impl System {
         let escape = exchange::escape(&geometry, &scene, params.seed, progress).map_err(ExchangeError::from)?;
         let exchange = Balanced::new(exchange, &scene, &space, &mass, &mass_inverse, escape);
         let join = Join::of(&space);
-        let preconditioner = preconditioner(&join, &mass, &mass_inverse);
-        let strengths = params.strengths.clone();
-        Ok(Self { scene, space, exchange, panels, blockers, strengths, join, mass, mass_inverse, preconditioner })
+        Ok(Self {
+            exchange: Arc::new(exchange),
+            operator_kind: kind.name,
+            operator_time: started.elapsed(),
+            strengths: params.strengths.clone(),
+            preconditioner: preconditioner(&join, &mass, &mass_inverse),
+            scene,
+            space,
+            panels,
+            blockers,
+            join,
+            mass,
+            mass_inverse,
+        })
     }
 
     /// Conjugate gradients where R is constant on every element, GMRES elsewhere.
@@ -245,14 +314,14 @@ impl System {
         let reflectance = weighted_mass(&self.scene, &self.space);
         let transport = Transport {
             join: &self.join,
-            exchange: &self.exchange,
+            exchange: &*self.exchange,
             mass_inverse: &self.mass_inverse,
             reflectance: &reflectance,
         };
         let mut b = self.inverse_mass().times(&right_side);
         let info = match (kind, self.root_reflectance()) {
             (solve::Kind::Cg, Some(root)) => {
-                let symmetric = Symmetric { mass: self.mass(), exchange: &self.exchange, root: &root };
+                let symmetric = Symmetric { mass: self.mass(), exchange: &*self.exchange, root: &root };
                 return self.solve_symmetric(&symmetric, &b, params, progress);
             }
             (solve::Kind::Neumann, _) => {

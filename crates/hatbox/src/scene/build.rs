@@ -53,6 +53,14 @@ pub enum SceneError {
         /// How many there should be.
         faces: usize,
     },
+    /// A scene is to get another number of materials than it has.
+    #[error("{found} materials are given for a scene that has {needed}; give one for each")]
+    Materials {
+        /// How many are given.
+        found: usize,
+        /// How many there are.
+        needed: usize,
+    },
     /// A reflectance outside 0…1.
     #[error(
         "material `{material}` reflects {value} in band {band}; a reflectance is between 0 and 1 (a surface cannot \
@@ -166,6 +174,23 @@ impl Scene {
             self.mesh.refined(refinement)?
         };
         Ok(Self { mesh, surfaces: Arc::clone(&self.surfaces), ..self.clone() })
+    }
+
+    /// The same cells in other materials, one for each that the scene has. Whether a material is two-sided stays as it is:
+    /// the cells of the backs are there or not.
+    ///
+    /// # Errors
+    /// [`SceneError::Materials`] if the number is another, or if a material is not physical.
+    pub fn with_materials(&self, materials: Vec<Material>) -> Result<Self, SceneError> {
+        let (found, needed) = (materials.len(), self.materials.len());
+        if found != needed {
+            return Err(SceneError::Materials { found, needed });
+        }
+        let bands = check_materials(&materials)?;
+        let sides = self.materials.iter().map(|material| material.two_sided);
+        let materials =
+            materials.into_iter().zip(sides).map(|(material, two_sided)| Material { two_sided, ..material });
+        Ok(Self { materials: materials.collect(), bands, ..self.clone() })
     }
 
     /// Whether two materials reflect and emit the same everywhere.
