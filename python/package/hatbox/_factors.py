@@ -9,7 +9,8 @@ import numpy.typing as npt
 from scipy import sparse
 
 from . import _native
-from ._arrays import count, quads, subdivision, tolerance as checked_tolerance
+from ._arrays import count, quads, subdivision
+from ._arrays import tolerance as checked_tolerance
 from ._progress import bar
 from ._scene import Names, Scene, _labels
 
@@ -33,8 +34,8 @@ def view_factors(
         vertices: Positions in metres, shape (V, 3).
         faces: Indices of vertices, shape (F, 3) or (F, 4), counter-clockwise when seen from the side that sends and
             receives; a triangle among quads repeats its last index. All of them block both ways.
-        groups: The group of each face, shape (F,): indices, or names, which are numbered in the order in which they come.
-            Every face is its own group if not given.
+        groups: The group of each face, shape (F,): indices, or names, which are numbered in the order in which they
+            come. Every face is its own group if not given.
         tolerance: Relative error that the sum of a row may have, between 0 and 1.
         two_sided: Whether both sides of faces send and receive. A face is one row then, for both its sides.
         elements: Subdivide to about so many elements; the factors are still between faces or groups.
@@ -44,8 +45,8 @@ def view_factors(
         progress: Whether a bar is drawn.
 
     Returns:
-        F as a `scipy.sparse.csr_array` of the shape (F, F), or (G, G) for G groups. Reciprocity A_i F_ij = A_j F_ji holds
-        to rounding; row sums are not forced to 1, so that in a closed scene they measure the accuracy. What has no area
+        F as a `scipy.sparse.csr_array` of the shape (F, F), or (G, G) for G groups. Reciprocity A_i F_ij = A_j F_ji
+        holds to rounding; row sums are not forced to 1, so that in a closed scene they measure the accuracy. What has no area
         has an empty row.
 
     Raises:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,10 @@ Value: TypeAlias = npt.ArrayLike | Function
 Quantity: TypeAlias = Value | Mapping[str, Value]
 Given: TypeAlias = list[float] | Callable[[float, float, float], list[float]]
 
+_RULES = {
+    "reflectance": "a reflectance is between 0 and 1",
+    "exitance": "an exitance is a finite number and not negative",
+}
 _LIMITS = {"reflectance": 1.0, "exitance": float(np.finfo(np.float64).max)}
 
 
@@ -70,14 +74,16 @@ def _pointwise(what: str, name: str, function: Function) -> Callable[[float, flo
     def at(x: float, y: float, z: float) -> list[float]:
         values = np.asarray(function(np.array([[x, y, z]])), dtype=np.float64)
         if values.shape not in ((), (1,), (1, values.size)) or values.size == 0:
-            raise HatboxError(f"{what} of `{name}`: the function returned the shape {values.shape} for one point, "
-                              "but (1,) or (1, bands) is needed")
+            raise HatboxError(
+                f"{what} of `{name}`: the function returned the shape {values.shape} for one point, "
+                "but (1,) or (1, bands) is needed"
+            )
         values = values.reshape(-1)
         wrong = np.flatnonzero(~((values >= 0.0) & (values <= most)))
         if wrong.size:
             band = int(wrong[0])
             verb = "reflects" if what == "reflectance" else "emits"
-            rule = "a reflectance is between 0 and 1" if most == 1.0 else "an exitance is a finite number and not negative"
+            rule = _RULES[what]
             raise HatboxError(f"material `{name}` {verb} {values[band]} in band {band} at ({x}, {y}, {z}); {rule}")
         return [float(value) for value in values]
 

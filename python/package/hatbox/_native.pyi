@@ -12,6 +12,23 @@ _Given = list[float] | Callable[[float, float, float], list[float]]
 _Reporter = Callable[[str, int, int], None]
 _Triplets = tuple[_Indices, _Indices, _Floats]
 
+__all__ = [
+    "BASES",
+    "CONTINUITIES",
+    "FORMATS",
+    "OPERATORS",
+    "OUTPUTS",
+    "SOLVERS",
+    "HatboxError",
+    "Scene",
+    "Solution",
+    "System",
+    "__version__",
+    "nodes",
+    "shape_functions",
+    "view_factors",
+]
+
 __version__: Final[str]
 BASES: Final[dict[str, str]]
 """The bases, with a line of help each."""
@@ -86,12 +103,8 @@ class System:
         threads: int | None,
         reporter: _Reporter | None,
     ) -> System: ...
-    def solve(
-        self, solver: str, error_points: int, threads: int | None, reporter: _Reporter | None
-    ) -> Solution: ...
-    def with_materials(
-        self, reflectance: list[_Given | None], exitance: list[_Given | None], bands: int
-    ) -> System: ...
+    def solve(self, solver: str, error_points: int, threads: int | None, reporter: _Reporter | None) -> Solution: ...
+    def with_materials(self, reflectance: list[_Given | None], exitance: list[_Given | None], bands: int) -> System: ...
     @property
     def scene(self) -> Scene: ...
     @property

@@ -6,17 +6,18 @@ import os
 import warnings
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from . import _native
+from . import _native as native_module
 from ._arrays import indices, quads, vectors
 from ._materials import Given, Quantity, spread
 from ._native import HatboxError
 
 Names = Sequence[str]
+_T = TypeVar("_T", bound=np.generic)
 _DEFAULTS: dict[str, Given] = {"reflectance": [0.5], "exitance": [0.0]}
 
 
@@ -50,7 +51,7 @@ class Scene:
     raises.
     """
 
-    _native: _native.Scene
+    _native: native_module.Scene
 
     def __init__(
         self,
@@ -76,7 +77,7 @@ class Scene:
         place = positions[corners[0, 0]] if count and 0 <= corners[0, 0] < len(positions) else np.zeros(3)
         table, bands = _table(names, reflectance, exitance, place)
         table["two_sided"] = _sides(two_sided, names)
-        native = _native.Scene(positions, corners, material, group, table, group_names, physics, bands)
+        native = native_module.Scene(positions, corners, material, group, table, group_names, physics, bands)
         self._native = native
         _warn(native.warnings)
 
@@ -89,12 +90,12 @@ class Scene:
         Raises:
             HatboxError: What is wrong with the file, where in it, and what to do.
         """
-        native = _native.Scene.load(os.fspath(path))
+        native = native_module.Scene.load(os.fspath(path))
         _warn(native.warnings)
         return cls._of(native)
 
     @classmethod
-    def _of(cls, native: _native.Scene) -> Scene:
+    def _of(cls, native: native_module.Scene) -> Scene:
         scene = cls.__new__(cls)
         scene._native = native
         return scene
@@ -146,7 +147,7 @@ class Scene:
 
     @cached_property
     def cells(self) -> npt.NDArray[np.uint32]:
-        """Indices of the N cells' corners, shape (N, 4), counter-clockwise from the lit side; triangles repeat the last."""
+        """Corners of the N cells, shape (N, 4), counter-clockwise from the lit side; a triangle repeats its last."""
         return _frozen(self._native.cells)
 
     @cached_property
@@ -168,7 +169,7 @@ class Scene:
         return f"<hatbox.Scene: {len(self.cells)} cells, {self.area:.4g} m², {self.bands} bands>"
 
 
-def _frozen(array: Any) -> Any:
+def _frozen(array: npt.NDArray[_T]) -> npt.NDArray[_T]:
     array.flags.writeable = False
     return array
 

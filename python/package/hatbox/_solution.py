@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from . import _native
+from . import _native as native_module
 from ._arrays import count, vectors
 from ._materials import Quantity
 from ._native import HatboxError
@@ -83,14 +83,14 @@ class Solution:
     A cell's functions are given by the values at its nodes: D coefficients in all, per band.
     """
 
-    _native: _native.Solution
+    _native: native_module.Solution
     _system: System | None
 
     def __init__(self) -> None:
         raise TypeError("solutions come from hatbox.solve and Solution.load")
 
     @classmethod
-    def _of(cls, native: _native.Solution, system: System | None) -> Solution:
+    def _of(cls, native: native_module.Solution, system: System | None) -> Solution:
         solution = cls.__new__(cls)
         solution._native, solution._system = native, system
         return solution
@@ -102,11 +102,9 @@ class Solution:
         Raises:
             HatboxError: It is no such file, or a damaged one.
         """
-        return cls._of(_native.Solution.load(os.fspath(path)), None)
+        return cls._of(native_module.Solution.load(os.fspath(path)), None)
 
-    def save(
-        self, path: str | os.PathLike[str], *, threads: int | None = None, progress: bool = False
-    ) -> None:
+    def save(self, path: str | os.PathLike[str], *, threads: int | None = None, progress: bool = False) -> None:
         """Writes a file, whole or not at all; the format follows the extension (see `hatbox.OUTPUTS`).
 
         Raises:
@@ -179,8 +177,9 @@ class Solution:
     @cached_property
     def energy(self) -> Energy:
         """Where the power went."""
-        found = self.report["energy"]
-        return Energy(**{key: value if key == "defect" else np.array(value) for key, value in found.items()})
+        found = dict(self.report["energy"])
+        defect = found.pop("defect")
+        return Energy(**{key: np.array(value) for key, value in found.items()}, defect=defect)
 
     @cached_property
     def error(self) -> ErrorEstimate | None:
@@ -201,8 +200,9 @@ class Solution:
         Points that lie far from any surface, and those that find none, are a `HatboxWarning`.
         """
         positions = vectors("points", points)
-        directions = vectors("normals", np.broadcast_to(np.asarray(normals), positions.shape)
-                             if np.shape(normals) == (3,) else normals)
+        directions = vectors(
+            "normals", np.broadcast_to(np.asarray(normals), positions.shape) if np.shape(normals) == (3,) else normals
+        )
         if directions.shape != positions.shape:
             raise HatboxError(f"normals: the shape is {directions.shape}, but {positions.shape} is needed")
         irradiance, radiosity, doubts = self._native.probe(positions, directions)

@@ -10,8 +10,9 @@ import numpy.typing as npt
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
-from . import _native
-from ._arrays import count, numbers, subdivision, tolerance as checked_tolerance
+from . import _native as native_module
+from ._arrays import count, numbers, subdivision
+from ._arrays import tolerance as checked_tolerance
 from ._materials import Quantity, spread
 from ._native import HatboxError
 from ._progress import bar
@@ -38,8 +39,8 @@ class PairBlock(NamedTuple):
 class System:
     """The equation Δ b = b⁰ + M_R Δ⁻¹ S b on a scene: what does not depend on the light is computed once.
 
-    Everything is written in the *broken* space, where cells share nothing and every cell has coefficients of its own: the
-    values at its nodes. Continuity is a sparse matrix C: `C.T @ Δ @ C` is the mass matrix of the joined space.
+    Everything is written in the *broken* space, where cells share nothing and every cell has coefficients of its own:
+    the values at its nodes. Continuity is a sparse matrix C: `C.T @ Δ @ C` is the mass matrix of the joined space.
 
     Args:
         scene: The scene.
@@ -58,7 +59,7 @@ class System:
         KeyboardInterrupt: Ctrl-C.
     """
 
-    _native: _native.System
+    _native: native_module.System
 
     def __init__(
         self,
@@ -79,7 +80,7 @@ class System:
             elements = _ELEMENTS
         tolerance, threads = checked_tolerance(tolerance), count("threads", threads)
         with bar(progress) as reporter:
-            self._native = _native.System(
+            self._native = native_module.System(
                 scene._native, basis, continuity, elements, max_edge, tolerance, operator, seed, threads, reporter
             )
 
@@ -201,7 +202,7 @@ class System:
 class _Exchange(LinearOperator):  # type: ignore[misc]
     """S, applied by the native module to all columns in one pass."""
 
-    def __init__(self, system: _native.System, size: int) -> None:
+    def __init__(self, system: native_module.System, size: int) -> None:
         super().__init__(np.dtype(np.float64), (size, size))
         self._system = system
 
@@ -228,7 +229,7 @@ def element_nodes(basis: str, shape: str = "triangle") -> npt.NDArray[np.float64
     Raises:
         HatboxError: There is no such basis, or it has no element of that shape.
     """
-    return _native.nodes(basis, shape)
+    return native_module.nodes(basis, shape)
 
 
 def shape_functions(basis: str, points: npt.ArrayLike, shape: str = "triangle") -> npt.NDArray[np.float64]:
@@ -245,7 +246,7 @@ def shape_functions(basis: str, points: npt.ArrayLike, shape: str = "triangle") 
     array = numbers("points", points)
     if array.ndim != 2 or array.shape[1] != 2:
         raise HatboxError(f"points: the shape is {array.shape}, but (n, 2) is needed")
-    return _native.shape_functions(basis, array, shape)
+    return native_module.shape_functions(basis, array, shape)
 
 
 def _index(index: int) -> int:
