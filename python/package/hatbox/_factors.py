@@ -46,8 +46,8 @@ def view_factors(
 
     Returns:
         F as a `scipy.sparse.csr_array` of the shape (F, F), or (G, G) for G groups. Reciprocity A_i F_ij = A_j F_ji
-        holds to rounding; row sums are not forced to 1, so that in a closed scene they measure the accuracy. What has no area
-        has an empty row.
+        holds to rounding; row sums are not forced to 1, so that in a closed scene they measure the accuracy. What has
+        no area has an empty row.
 
     Raises:
         HatboxError: As `Scene` does; too many elements.
