@@ -45,6 +45,16 @@ def test_the_tour_of_the_package_runs() -> None:
     assert results.failed == 0
 
 
+def test_the_example_of_the_readme_runs() -> None:
+    text = (PYTHON.parent / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert blocks
+    for block in blocks:
+        names: dict[str, hatbox.Solution] = {}
+        exec(block, names)
+        assert names["brighter"].energy.emitted == 2 * names["solution"].energy.emitted
+
+
 PUBLIC = [(name, getattr(hatbox, name)) for name in hatbox.__all__ if callable(getattr(hatbox, name))]
 
 
