@@ -26,8 +26,10 @@ def truth(samples: int) -> None:
     job = Lit("", scene, points, normals, np.ones(len(points)), np.empty((0, 3)))
     halves = [light.mitsuba_irradiance(job, samples // 2, seed) for seed in (1 << 20, 1 << 21)]
     noise = np.linalg.norm(halves[0] - halves[1], axis=1) / np.linalg.norm(halves[0] + halves[1], axis=1)
-    print(f"noise: {np.linalg.norm(halves[0] - halves[1]) / np.linalg.norm(halves[0] + halves[1]):.2%} in L2, "
-          f"{np.median(noise):.2%} in the median, {np.percentile(noise, 95):.2%} at the 95th percentile")
+    print(
+        f"noise: {np.linalg.norm(halves[0] - halves[1]) / np.linalg.norm(halves[0] + halves[1]):.2%} in L2, "
+        f"{np.median(noise):.2%} in the median, {np.percentile(noise, 95):.2%} at the 95th percentile"
+    )
     table = np.hstack([points, normals, (halves[0] + halves[1]) / 2])
     DATA.mkdir(exist_ok=True)
     np.savetxt(DATA / "two-rooms.csv", table, "%.7g", ",", header="x,y,z,nx,ny,nz,E_0,E_1,E_2", comments="")

@@ -28,6 +28,7 @@ def tools(quick: bool) -> Iterator[tuple[str, str, Matrix]]:
     except ImportError:
         pass
     else:
+
         def semi_analytic(v: np.ndarray, f: np.ndarray) -> np.ndarray:
             mesh = pyvista.PolyData.from_regular_faces(v, f)
             # Its F[i, j] is from j to i.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import tempfile
 import warnings
 from collections.abc import Iterator
@@ -27,7 +26,9 @@ def measure(quick: bool) -> Iterator[Row]:
 
 
 def _hatbox(job: Lit, quick: bool) -> Iterator[Row]:
-    settings = [("linear", 500)] if quick else [("linear", 1000), ("linear", 3000), ("quadratic", 1000), ("quadratic", 3000)]
+    settings = (
+        [("linear", 500)] if quick else [("linear", 1000), ("linear", 3000), ("quadratic", 1000), ("quadratic", 3000)]
+    )
     for basis, elements in settings:
         solution, seconds, cpu = timed(
             lambda: hatbox.solve(job.scene, basis, elements=elements, error_points=0, progress=False)
@@ -112,15 +113,19 @@ def _rgb(values: np.ndarray) -> dict[str, object]:
     return {"type": "rgb", "value": [float(v) for v in np.broadcast_to(values, 3)]}
 
 
+def _some(job: Lit) -> Lit:
+    """An even choice of the points, for tools that pay for each."""
+    chosen = slice(None, None, max(1, len(job.points) // 300))
+    return Lit(job.name, job.scene, job.points[chosen], job.normals[chosen], job.weights[chosen], job.truth[chosen])
+
+
 def _mitsuba(job: Lit, quick: bool) -> Iterator[Row]:
     try:
         import mitsuba  # noqa: F401
 
     except ImportError:
         return
-    # Mitsuba needs a meter a point; an even choice of the points will do.
-    chosen = slice(None, None, max(1, len(job.points) // 300))
-    job = Lit(job.name, job.scene, job.points[chosen], job.normals[chosen], job.weights[chosen], job.truth[chosen])
+    job = _some(job)
     for samples in [64] if quick else [64, 256, 1024, 4096]:
         found, seconds, cpu = timed(lambda: mitsuba_irradiance(job, samples, 1))
         errors = pointwise(found, job.truth, job.weights)
@@ -135,6 +140,7 @@ def _radiance(job: Lit, quick: bool) -> Iterator[Row]:
         import pyradiance
     except ImportError:
         return
+    job = _some(job)
     with tempfile.TemporaryDirectory() as folder:
         octree = Path(folder) / "scene.oct"
         try:
@@ -142,14 +148,15 @@ def _radiance(job: Lit, quick: bool) -> Iterator[Row]:
         except Exception as error:
             print(f"pyradiance: {error}")
             return
-        rays = "\n".join(" ".join(f"{x:.9g}" for x in (*p, *n)) for p, n in zip(job.points, job.normals, strict=True))
-        for divisions in [512] if quick else [512, 2048, 8192]:
-            options = ["-ab", "8", "-ad", str(divisions), "-as", "0", "-aa", "0.1", "-lw", "1e-6", "-ds", "0.02", "-dj", "0.7"]
+        rays = (
+            "\n".join(" ".join(f"{x:.9g}" for x in (*p, *n)) for p, n in zip(job.points, job.normals, strict=True))
+            + "\n"
+        )
+        for divisions in [64] if quick else [256, 1024, 4096]:
+            options = ["-ab", "8", "-ad", str(divisions), "-as", "0", "-aa", "0.1", "-lw", "1e-4", "-ds", "0.02"]
 
             def trace(options: list[str] = options) -> np.ndarray:
-                text = pyradiance.rtrace(
-                    rays.encode(), octree, header=False, irradiance=True, nproc=os.cpu_count(), params=options
-                )
+                text = pyradiance.rtrace(rays.encode(), octree, header=False, irradiance=True, params=options)
                 return np.loadtxt(text.decode().splitlines())
 
             found, seconds, cpu = timed(trace)
