@@ -7,6 +7,9 @@
 //! Rows and columns are in the order of a tree over the cells, so that what is integrated together lies together.
 
 mod build;
+mod views;
+
+pub use views::Views;
 
 use super::{Exchange, ExchangeError, Geometry, Params, Statistics};
 use crate::assemble::Panel;
