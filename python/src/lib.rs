@@ -38,6 +38,8 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("BASES", table(py, element::ALL.iter().map(|basis| (basis.name, basis.summary)))?)?;
     module.add("OPERATORS", table(py, exchange::ALL.iter().map(|kind| (kind.name, kind.summary)))?)?;
     module.add("SOLVERS", table(py, solve::ALL.iter().map(|solver| (solver.name, solver.summary)))?)?;
+    let closures = hatbox::view_factors::CLOSURES.iter().map(|closure| (closure.name, closure.summary));
+    module.add("CLOSURES", table(py, closures)?)?;
     module.add("CONTINUITIES", table(py, space::Continuity::NAMES)?)?;
     let formats = io::FORMATS.iter().flat_map(|format| format.extensions.iter().map(|e| (*e, format.summary)));
     module.add("FORMATS", table(py, formats)?)?;

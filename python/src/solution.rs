@@ -10,9 +10,8 @@ use glam::DVec3;
 use hatbox::bake::bake;
 use hatbox::io::{self, WriteOptions, npz};
 use hatbox::probe::Probe;
-use hatbox::radiosity::{self, Shown, Solved};
+use hatbox::radiosity::{self, Shown};
 use hatbox::report::Report;
-use hatbox::scene;
 use numpy::ndarray::ArrayView2;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::exceptions::PyRuntimeError;
@@ -29,9 +28,8 @@ pub(crate) struct Solution {
 }
 
 impl Solution {
-    pub(crate) fn of(solved: Solved, given: &Arc<scene::Scene>) -> Self {
-        let report = Some(Report::new(given, &solved));
-        Self { solution: solved.solution, report }
+    pub(crate) fn new(solution: radiosity::Solution, report: Report) -> Self {
+        Self { solution, report: Some(report) }
     }
 }
 

@@ -7,10 +7,14 @@ use crate::quantity::{Fault, Given};
 use crate::run::{quickly, run};
 use crate::scene::{Scene, repainted, with_bands};
 use crate::solution::Solution;
+use hatbox::adapt::{self, Adapted, Focus};
 use hatbox::assemble::{self, Accuracy};
+use hatbox::failure::Failure;
 use hatbox::linalg::LinearOperator;
 use hatbox::mesh::Refinement;
+use hatbox::progress::Progress;
 use hatbox::radiosity::{self, Options};
+use hatbox::report::Report;
 use hatbox::space::Continuity;
 use hatbox::{exchange, scene, solve};
 use numpy::ndarray::Array2;
@@ -32,39 +36,117 @@ pub(crate) struct System {
     pub(crate) fault: Arc<Fault>,
 }
 
+/// What every way to a system needs to know.
+#[derive(FromPyObject)]
+struct Settings {
+    #[pyo3(item)]
+    basis: String,
+    #[pyo3(item)]
+    continuity: String,
+    #[pyo3(item)]
+    tolerance: f64,
+    #[pyo3(item)]
+    operator: String,
+    #[pyo3(item)]
+    seed: u64,
+}
+
+impl Settings {
+    fn options(&self) -> PyResult<Options> {
+        let Self { continuity, operator, .. } = self;
+        let names = || Continuity::NAMES.iter().map(|(name, _)| *name);
+        let kinds = || [exchange::AUTO.name].into_iter().chain(exchange::ALL.iter().map(|kind| kind.name));
+        Ok(Options {
+            basis: basis(&self.basis)?,
+            continuity: Continuity::named(continuity).ok_or_else(|| unknown("continuity", continuity, names()))?,
+            tolerance: self.tolerance,
+            operator: exchange::kind(operator).ok_or_else(|| unknown("operator", operator, kinds()))?,
+            seed: self.seed,
+            ..Options::default()
+        })
+    }
+}
+
+/// Where the error counts: a name, or two opposite corners of a box.
+#[derive(FromPyObject)]
+enum Focused {
+    Name(String),
+    Box([[f64; 3]; 2]),
+}
+
+impl Focused {
+    fn into_focus(self) -> Focus {
+        match self {
+            Self::Name(name) => Focus::Name(name),
+            Self::Box([a, b]) => Focus::Box(a.into(), b.into()),
+        }
+    }
+}
+
+/// The solution as it is shown: gathered once more if that is asked for.
+fn shown(
+    solution: radiosity::Solution,
+    gather: bool,
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<radiosity::Solution, Failure> {
+    if gather { Ok(radiosity::gathered(&solution, seed, progress)?) } else { Ok(solution) }
+}
+
 #[pymethods]
 impl System {
     /// Subdivides the scene and builds the operator.
     #[new]
-    #[expect(clippy::too_many_arguments, reason = "how arguments arrive from Python")]
     fn new(
         py: Python<'_>,
         scene: &Bound<'_, Scene>,
-        basis_name: &str,
-        continuity: &str,
+        settings: Settings,
         elements: Option<usize>,
         max_edge: Option<f64>,
-        tolerance: f64,
-        operator: &str,
-        seed: u64,
         threads: Option<usize>,
         reporter: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let Scene { inner, fault, .. } = scene.get();
         let subdivided = max_edge.map(Refinement::MaxEdge).or(elements.map(Refinement::Elements));
-        let names = || Continuity::NAMES.iter().map(|(name, _)| *name);
-        let kinds = || ["auto"].into_iter().chain(exchange::ALL.iter().map(|kind| kind.name));
-        let options = Options {
-            basis: basis(basis_name)?,
-            continuity: Continuity::named(continuity).ok_or_else(|| unknown("continuity", continuity, names()))?,
-            refinement: subdivided.unwrap_or(Refinement::None),
-            tolerance,
-            operator: exchange::kind(operator).ok_or_else(|| unknown("operator", operator, kinds()))?,
-            seed,
-            ..Options::default()
-        };
+        let options = Options { refinement: subdivided.unwrap_or(Refinement::None), ..settings.options()? };
         let system = run(py, threads, reporter, fault, |progress| radiosity::System::build(inner, &options, progress))?;
         Ok(Self { inner: Arc::new(system), given: Arc::clone(inner), options, fault: Arc::clone(fault) })
+    }
+
+    /// Refines the scene until the estimated error is no greater than the settings' tolerance: the last system and its
+    /// solution.
+    #[staticmethod]
+    #[expect(clippy::too_many_arguments, reason = "how arguments arrive from Python")]
+    fn adapted(
+        py: Python<'_>,
+        scene: &Bound<'_, Scene>,
+        settings: Settings,
+        solver: &str,
+        error_points: usize,
+        max_unknowns: usize,
+        focus: Option<Focused>,
+        gather: bool,
+        threads: Option<usize>,
+        reporter: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<(Self, Solution)> {
+        let Scene { inner, fault, .. } = scene.get();
+        let (solver, start) = (solver_kind(solver)?, adapt::Options::default().solve.refinement);
+        let options = adapt::Options {
+            solve: Options { solver, error_points, refinement: start, ..settings.options()? },
+            tolerance: settings.tolerance,
+            most_coefficients: max_unknowns,
+            focus: focus.map(Focused::into_focus),
+        };
+        let (system, solution) = run(py, threads, reporter, fault, |progress| {
+            options.check_focus(inner)?;
+            let found = adapt::solve(inner, &options, progress)?;
+            let report = Report::adapted(inner, &options, &found);
+            let Adapted { system, solved, .. } = found;
+            let solution = shown(solved.solution, gather, options.solve.seed, progress)?;
+            Ok::<_, Failure>((system, Solution::new(solution, report)))
+        })?;
+        let (given, fault) = (Arc::clone(inner), Arc::clone(fault));
+        Ok((Self { inner: Arc::new(system), given, options: options.solve, fault }, solution))
     }
 
     /// Solves for the scene's own emission.
@@ -73,13 +155,17 @@ impl System {
         py: Python<'_>,
         solver: &str,
         error_points: usize,
+        gather: bool,
         threads: Option<usize>,
         reporter: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Solution> {
         let options = Options { solver: solver_kind(solver)?, error_points, ..self.options };
-        let system = &self.inner;
-        let solved = run(py, threads, reporter, &self.fault, |progress| system.solved(&options, progress))?;
-        Ok(Solution::of(solved, &self.given))
+        run(py, threads, reporter, &self.fault, |progress| {
+            let solved = self.inner.solved(&options, progress)?;
+            let report = Report::new(&self.given, &solved);
+            let solution = shown(solved.solution, gather, options.seed, progress)?;
+            Ok::<_, Failure>(Solution::new(solution, report))
+        })
     }
 
     /// The same operator with other reflectances and exitances, `None` where a material keeps its own.

@@ -1,10 +1,11 @@
 //! View factors as compressed sparse rows.
 
+use crate::error::unknown;
 use crate::run::run;
 use crate::scene::Scene;
 use hatbox::failure::Failure;
 use hatbox::mesh::Refinement;
-use hatbox::view_factors::{Between, Options, ViewFactors};
+use hatbox::view_factors::{Between, CLOSURES, Options, ViewFactors};
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 
@@ -27,16 +28,22 @@ pub(crate) fn view_factors<'py>(
     elements: Option<usize>,
     max_edge: Option<f64>,
     tolerance: f64,
+    closure: &str,
+    threshold: f64,
     seed: u64,
     threads: Option<usize>,
     reporter: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Factors<'py>> {
     let Scene { inner, fault, .. } = scene.get();
+    let method = CLOSURES.iter().find(|method| method.name == closure);
+    let names = || CLOSURES.iter().map(|method| method.name);
     let options = Options {
         between: if groups { Between::Groups } else { Between::Elements },
         refinement: max_edge.map(Refinement::MaxEdge).or(elements.map(Refinement::Elements)).unwrap_or_default(),
         tolerance,
         seed,
+        closure: method.ok_or_else(|| unknown("closure", closure, names()))?.kind,
+        threshold,
         ..Options::default()
     };
     let (found, rows) = run(py, threads, reporter, fault, |progress| {

@@ -50,12 +50,56 @@ def test_a_furnace_glows_uniformly(basis: str, continuity: str) -> None:
 
 @pytest.mark.parametrize(
     ("solver", "operator"),
-    [*((name, "auto") for name in hatbox.SOLVERS), *(("auto", name) for name in hatbox.OPERATORS)],
+    [*((name, "auto") for name in hatbox.SOLVERS), ("auto", "dense")],
 )
 def test_all_solvers_and_operators_agree(solver: str, operator: str, cube_solution: hatbox.Solution) -> None:
     solution = hatbox.solve(cube(), solver=solver, operator=operator, elements=300, tolerance=1e-4, error_points=0)
     scale = np.abs(cube_solution.radiosity).max()
     np.testing.assert_allclose(solution.radiosity, cube_solution.radiosity, atol=1e-3 * scale)
+
+
+def test_the_sampled_operator_has_the_same_light(cube_solution: hatbox.Solution) -> None:
+    sampled = hatbox.solve(cube(), operator="sampled", elements=100, tolerance=0.02, error_points=0)
+    assert sampled.report["operator"]["kind"] == "sampled"
+    assert sampled.energy.leaving[0] == pytest.approx(cube_solution.energy.leaving[0], rel=0.02)
+
+
+def test_a_tolerance_alone_refines_until_it_is_reached() -> None:
+    solution = hatbox.solve(cube(), tolerance=0.1)
+    assert solution.error is not None
+    assert solution.error.estimate <= 0.1
+    assert solution.report["adaptivity"]["reached"]
+    # The last mesh's operator is there for other lamps.
+    twice = solution.relight({"face 1": 2.0}, error_points=0)
+    np.testing.assert_allclose(twice.radiosity, 2 * solution.radiosity, rtol=1e-8, atol=1e-9)
+
+
+def test_refinement_stops_before_there_are_too_many_unknowns() -> None:
+    solution = hatbox.solve(cube(), tolerance=1e-3, max_unknowns=1000)
+    assert not solution.report["adaptivity"]["reached"]
+    assert len(solution.radiosity) <= max(1000, 3 * solution.report["adaptivity"]["rounds"][0]["elements"])
+
+
+@pytest.mark.parametrize("focus", ["face 0", [[0, 0, -0.1], [1, 1, 0.1]]])
+def test_the_error_may_count_in_one_place(focus: str | list[list[float]]) -> None:
+    solution = hatbox.solve(cube(), tolerance=0.1, focus=focus)
+    assert solution.report["adaptivity"]["reached"]
+
+
+def test_gathering_moves_the_values_a_little() -> None:
+    plain = hatbox.solve(cube(), elements=60, error_points=0)
+    gathered = plain.system.solve(error_points=0, gather=True)
+    difference = np.abs(gathered.irradiance - plain.irradiance).max()
+    assert 0 < difference < 0.5 * np.abs(plain.irradiance).max()
+
+
+def test_what_refinement_cannot_do_is_said() -> None:
+    with pytest.raises(hatbox.HatboxError, match="use a box"):
+        hatbox.solve(cube(), focus="nowhere")
+    with pytest.raises(hatbox.HatboxError, match="give elements"):
+        hatbox.solve(cube(), error_points=0)
+    with pytest.raises(hatbox.HatboxError, match="nothing is refined"):
+        hatbox.solve(cube(), elements=30, focus="face 0")
 
 
 def test_the_answer_does_not_depend_on_the_number_of_threads(cube_solution: hatbox.Solution) -> None:

@@ -103,3 +103,21 @@ def test_triangles_and_quads_agree() -> None:
     split = hatbox.view_factors(CUBE_VERTICES, triangles, groups, tolerance=1e-5).toarray()
     whole = hatbox.view_factors(CUBE_VERTICES, CUBE_FACES, tolerance=1e-5).toarray()
     np.testing.assert_allclose(split, whole, atol=1e-4)
+
+
+@pytest.mark.parametrize("closure", [name for name in hatbox.CLOSURES if name != "none"])
+def test_a_closure_makes_row_sums_right(closure: str) -> None:
+    factors = hatbox.view_factors(CUBE_VERTICES, CUBE_FACES, tolerance=0.01, elements=100, closure=closure)
+    np.testing.assert_allclose(factors.sum(axis=1), 1.0, atol=1e-9)
+
+
+def test_a_threshold_leaves_small_pairs_out() -> None:
+    vertices, faces = box(np.array([10.0, 1.0, 1.0]))
+    whole = hatbox.view_factors(vertices, faces)
+    thin = hatbox.view_factors(vertices, faces, threshold=0.01)
+    assert thin.nnz < whole.nnz
+    np.testing.assert_allclose(thin.sum(axis=1), whole.sum(axis=1), atol=1e-6)
+    with pytest.raises(hatbox.HatboxError, match="threshold"):
+        hatbox.view_factors(vertices, faces, threshold=2.0)
+    with pytest.raises(hatbox.HatboxError, match="there is no closure"):
+        hatbox.view_factors(vertices, faces, closure="magic")

@@ -17,13 +17,14 @@ Arrays have the bands (one, the three of RGB, or any number) on their last axis.
 """
 
 from ._factors import view_factors
-from ._native import BASES, CONTINUITIES, FORMATS, OPERATORS, OUTPUTS, SOLVERS, HatboxError, __version__
+from ._native import BASES, CLOSURES, CONTINUITIES, FORMATS, OPERATORS, OUTPUTS, SOLVERS, HatboxError, __version__
 from ._scene import HatboxWarning, Scene
 from ._solution import Energy, ErrorEstimate, Probed, Solution, Triangles, solve
 from ._system import PairBlock, System, element_nodes, shape_functions
 
 __all__ = [
     "BASES",
+    "CLOSURES",
     "CONTINUITIES",
     "FORMATS",
     "OPERATORS",

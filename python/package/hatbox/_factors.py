@@ -24,6 +24,8 @@ def view_factors(
     two_sided: bool = False,
     elements: int | None = None,
     max_edge: float | None = None,
+    closure: str = "none",
+    threshold: float = 0.0,
     seed: int = 0,
     threads: int | None = None,
     progress: bool = False,
@@ -40,17 +42,19 @@ def view_factors(
         two_sided: Whether both sides of faces send and receive. A face is one row then, for both its sides.
         elements: Subdivide to about so many elements; the factors are still between faces or groups.
         max_edge: Subdivide until no edge is longer, in metres.
+        closure: A name of `hatbox.CLOSURES`: how row sums are made right; by default not at all.
+        threshold: Pairs of which neither factor reaches this are left out, and the others make up for it.
         seed: Seed of everything that is sampled.
         threads: Number of threads; as many as there are processors if not given. The result does not depend on it.
         progress: Whether a bar is drawn.
 
     Returns:
         F as a `scipy.sparse.csr_array` of the shape (F, F), or (G, G) for G groups. Reciprocity A_i F_ij = A_j F_ji
-        holds to rounding; row sums are not forced to 1, so that in a closed scene they measure the accuracy. What has
+        holds to rounding; row sums are not forced to 1 without a closure, so that in a closed scene they measure the accuracy. What has
         no area has an empty row.
 
     Raises:
-        HatboxError: As `Scene` does; too many elements.
+        HatboxError: As `Scene` does; too many elements, no such closure, a threshold that is no fraction.
         KeyboardInterrupt: Ctrl-C.
     """
     corners = quads(faces)
@@ -63,7 +67,7 @@ def view_factors(
     whole = elements is None and max_edge is None and np.array_equal(scene.group, np.arange(len(names)))
     with bar(progress) as reporter:
         starts, columns, values, _, found = _native.view_factors(
-            scene._native, not whole, elements, max_edge, tolerance, seed, threads, reporter
+            scene._native, not whole, elements, max_edge, tolerance, closure, threshold, seed, threads, reporter
         )
     factors = sparse.csr_array((values, columns, starts), shape=(len(found), len(found)))
     if len(found) == len(names):

@@ -14,6 +14,7 @@ _Triplets = tuple[_Indices, _Indices, _Floats]
 
 __all__ = [
     "BASES",
+    "CLOSURES",
     "CONTINUITIES",
     "FORMATS",
     "OPERATORS",
@@ -32,6 +33,8 @@ __all__ = [
 __version__: Final[str]
 BASES: Final[dict[str, str]]
 """The bases, with a line of help each."""
+CLOSURES: Final[dict[str, str]]
+"""How the row sums of view factors may be made right, with a line of help each."""
 CONTINUITIES: Final[dict[str, str]]
 """Where functions may be joined, with a line of help each."""
 FORMATS: Final[dict[str, str]]
@@ -93,17 +96,27 @@ class System:
     def __new__(
         cls,
         scene: Scene,
-        basis_name: str,
-        continuity: str,
+        settings: dict[str, Any],
         elements: int | None,
         max_edge: float | None,
-        tolerance: float,
-        operator: str,
-        seed: int,
         threads: int | None,
         reporter: _Reporter | None,
     ) -> System: ...
-    def solve(self, solver: str, error_points: int, threads: int | None, reporter: _Reporter | None) -> Solution: ...
+    @staticmethod
+    def adapted(
+        scene: Scene,
+        settings: dict[str, Any],
+        solver: str,
+        error_points: int,
+        max_unknowns: int,
+        focus: str | list[list[float]] | None,
+        gather: bool,
+        threads: int | None,
+        reporter: _Reporter | None,
+    ) -> tuple[System, Solution]: ...
+    def solve(
+        self, solver: str, error_points: int, gather: bool, threads: int | None, reporter: _Reporter | None
+    ) -> Solution: ...
     def with_materials(self, reflectance: list[_Given | None], exitance: list[_Given | None], bands: int) -> System: ...
     @property
     def scene(self) -> Scene: ...
@@ -150,6 +163,8 @@ def view_factors(
     elements: int | None,
     max_edge: float | None,
     tolerance: float,
+    closure: str,
+    threshold: float,
     seed: int,
     threads: int | None,
     reporter: _Reporter | None,

@@ -14,11 +14,15 @@ import numpy.typing as npt
 
 from . import _native as native_module
 from ._arrays import count, vectors
+from ._arrays import tolerance as checked_tolerance
 from ._materials import Quantity
 from ._native import HatboxError
 from ._progress import bar
 from ._scene import HatboxWarning, Scene
-from ._system import System
+from ._system import System, _settings
+
+# The operator may have this part of the error.
+_OPERATOR_SHARE = 0.5
 
 
 class Probed(NamedTuple):
@@ -249,49 +253,81 @@ def solve(
     scene: Scene,
     basis: str = "linear",
     *,
-    tolerance: float = 0.01,
+    tolerance: float = 0.02,
     operator: str = "auto",
     progress: bool = True,
     continuity: str = "continuous",
     elements: int | None = None,
     max_edge: float | None = None,
+    max_unknowns: int = 20_000,
+    focus: str | npt.ArrayLike | None = None,
+    gather: bool = False,
     solver: str = "auto",
     seed: int = 0,
     threads: int | None = None,
     error_points: int = 256,
 ) -> Solution:
-    """Computes the radiosity of a scene.
+    """Computes the radiosity of a scene, to a tolerance or on a given subdivision.
 
     Args:
         scene: The scene.
         basis: A name of `hatbox.BASES`.
-        tolerance: Relative error that form factors and visibility may have, between 0 and 1. The error of the elements
-            is another: it is estimated (`Solution.error`) and becomes smaller with more elements or a higher basis.
+        tolerance: Relative L2 error of the reflected light, estimated, between 0 and 1: the mesh is refined where the
+            light needs it until the estimate is no greater. With `elements` or `max_edge` the mesh is as they say, and
+            the estimate (`Solution.error`) tells what was reached; form factors and visibility may have half of the
+            error then as well.
         operator: "auto" or a name of `hatbox.OPERATORS`.
         progress: Whether a bar is drawn, where there is a terminal or a notebook to draw it in.
         continuity: A name of `hatbox.CONTINUITIES`.
-        elements: Subdivide to about so many elements; 3000 if neither this nor `max_edge` is given.
+        elements: Subdivide to about so many elements.
         max_edge: Subdivide until no edge is longer, in metres.
+        max_unknowns: Refinement stops before a band has more coefficients (three for a linear element).
+            `Solution.report["adaptivity"]["reached"]` tells whether it did.
+        focus: Where the error counts: the name of a material or a group, or two opposite corners of a box, shape (2, 3).
+            Elsewhere it counts as far as it matters there.
+        gather: Whether the light is gathered once more at the nodes: sharper shadows, half an order more accurate.
         solver: "auto" or a name of `hatbox.SOLVERS`.
         seed: Seed of everything that is sampled.
         threads: Number of threads; as many as there are processors if not given. The result does not depend on it.
-        error_points: Number of points at which the error is estimated; with 0 it stays unknown.
+        error_points: Number of points at which the error is estimated; with 0 it stays unknown, which needs a given
+            subdivision.
 
     Raises:
         HatboxError: A name that is in no list, a tolerance or subdivision that is impossible, too many unknowns, no
-            convergence.
+            convergence, nothing in focus.
         KeyboardInterrupt: Ctrl-C.
     """
-    system = System(
+    tolerance, threads = checked_tolerance(tolerance), count("threads", threads)
+    if elements is None and max_edge is None:
+        if error_points < 1:
+            raise HatboxError("error_points 0: refinement needs an estimate\n  help: give elements or max_edge")
+        settings = _settings(basis, continuity, tolerance, operator, seed)
+        count("max_unknowns", max_unknowns)
+        region = focus if focus is None or isinstance(focus, str) else _box(focus)
+        with bar(progress) as reporter:
+            system, native = native_module.System.adapted(
+                scene._native, settings, solver, error_points, max_unknowns, region, gather, threads, reporter
+            )
+        return Solution._of(native, System._of(system))
+    if focus is not None:
+        raise HatboxError("focus: with elements or max_edge nothing is refined\n  help: give a tolerance only")
+    fixed = System(
         scene,
         basis,
         continuity=continuity,
         elements=elements,
         max_edge=max_edge,
-        tolerance=tolerance,
+        tolerance=_OPERATOR_SHARE * tolerance,
         operator=operator,
         seed=seed,
         threads=threads,
         progress=progress,
     )
-    return system.solve(solver=solver, error_points=error_points, threads=threads, progress=progress)
+    return fixed.solve(solver=solver, error_points=error_points, gather=gather, threads=threads, progress=progress)
+
+
+def _box(corners: npt.ArrayLike) -> list[list[float]]:
+    array = vectors("focus", corners, "2")
+    if len(array) != 2:
+        raise HatboxError(f"focus: the shape is {array.shape}, but (2, 3) is needed")
+    return [[float(number) for number in corner] for corner in array]

@@ -80,9 +80,14 @@ class System:
             elements = _ELEMENTS
         tolerance, threads = checked_tolerance(tolerance), count("threads", threads)
         with bar(progress) as reporter:
-            self._native = native_module.System(
-                scene._native, basis, continuity, elements, max_edge, tolerance, operator, seed, threads, reporter
-            )
+            settings = _settings(basis, continuity, tolerance, operator, seed)
+            self._native = native_module.System(scene._native, settings, elements, max_edge, threads, reporter)
+
+    @classmethod
+    def _of(cls, native: native_module.System) -> System:
+        system = cls.__new__(cls)
+        system._native = native
+        return system
 
     @cached_property
     def scene(self) -> Scene:
@@ -169,18 +174,23 @@ class System:
         keep = spread("reflectance", {}, names, place)
         paints, a = keep if reflectance is None else spread("reflectance", reflectance, names, place)
         lamps, b = keep if exitance is None else spread("exitance", exitance, names, place)
-        system = System.__new__(System)
-        system._native = self._native.with_materials(paints, lamps, max(a, b))
-        return system
+        return System._of(self._native.with_materials(paints, lamps, max(a, b)))
 
     def solve(
-        self, *, solver: str = "auto", error_points: int = 256, threads: int | None = None, progress: bool = False
+        self,
+        *,
+        solver: str = "auto",
+        error_points: int = 256,
+        gather: bool = False,
+        threads: int | None = None,
+        progress: bool = False,
     ) -> Solution:
         """Solves for the emission of the scene.
 
         Args:
             solver: "auto" or a name of `hatbox.SOLVERS`.
             error_points: Number of points at which the error is estimated; with 0 it stays unknown.
+            gather: Whether the light is gathered once more at the nodes: sharper shadows, half an order more accurate.
             threads: As in `System`.
             progress: As in `System`.
 
@@ -192,7 +202,7 @@ class System:
 
         threads = count("threads", threads)
         with bar(progress) as reporter:
-            native = self._native.solve(solver, error_points, threads, reporter)
+            native = self._native.solve(solver, error_points, gather, threads, reporter)
         return Solution._of(native, self)
 
     def __repr__(self) -> str:
@@ -247,6 +257,11 @@ def shape_functions(basis: str, points: npt.ArrayLike, shape: str = "triangle") 
     if array.ndim != 2 or array.shape[1] != 2:
         raise HatboxError(f"points: the shape is {array.shape}, but (n, 2) is needed")
     return native_module.shape_functions(basis, array, shape)
+
+
+def _settings(basis: str, continuity: str, tolerance: float, operator: str, seed: int) -> dict[str, Any]:
+    """What the native module needs to know of every system."""
+    return {"basis": basis, "continuity": continuity, "tolerance": tolerance, "operator": operator, "seed": seed}
 
 
 def _index(index: int) -> int:
