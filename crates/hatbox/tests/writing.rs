@@ -53,7 +53,7 @@ fn floor(quads: bool, bands: usize) -> Scene {
     }
 }
 
-/// The given B at every node; E is twice that.
+/// The given B at every node, and E = B/R, so that B is what is reflected (of textures, E = 2 B).
 fn solution(scene: Scene, basis: &str, radiosity: impl Fn(DVec3, usize) -> f64) -> Solution {
     let basis = Basis::named(basis).expect("a basis");
     let space = FunctionSpace::broken(&scene.mesh, basis).expect("an element for every cell");
@@ -61,9 +61,12 @@ fn solution(scene: Scene, basis: &str, radiosity: impl Fn(DVec3, usize) -> f64) 
         .flat_map(|cell| space.element(cell).nodes.iter().map(move |node| (cell, node.at)))
         .map(|(cell, at)| scene.mesh.patch(cell).point(at))
         .collect();
-    let field =
-        |factor: f64| MultiVector::from_fn(nodes.len(), scene.bands, |row, band| factor * radiosity(nodes[row], band));
-    let (radiosity, irradiance) = (field(1.0), field(2.0));
+    let cell_of = |row: usize| space.offsets().partition_point(|&first| first <= row) - 1;
+    let reflectance = |row: usize, band: usize| scene.material(cell_of(row)).reflectance.uniform(band).unwrap_or(0.5);
+    let field = |of: &dyn Fn(usize, usize) -> f64| {
+        MultiVector::from_fn(nodes.len(), scene.bands, |row, band| of(row, band) * radiosity(nodes[row], band))
+    };
+    let (radiosity, irradiance) = (field(&|_, _| 1.0), field(&|row, band| 1.0 / reflectance(row, band)));
     Solution { scene, space, radiosity, irradiance }
 }
 
@@ -346,9 +349,10 @@ fn baking_shares_vertices_where_values_agree_and_keeps_jumps() {
         assert!((baked.triangles.iter().map(area).sum::<f64>() - 2.0).abs() < 1e-12, "{basis} faces the same way");
     }
     let mut jump = solution(floor(false, 1), "linear", smooth);
-    jump.radiosity.band_mut(0)[0] = 5.0;
-    assert_eq!(bake(&jump, Shown::Radiosity).positions.len(), 9);
-    assert_eq!(bake(&jump, Shown::Irradiance).positions.len(), 8);
+    jump.irradiance.band_mut(0)[..3].fill(10.0);
+    for shown in [Shown::Radiosity, Shown::Irradiance] {
+        assert_eq!(bake(&jump, shown).positions.len(), 10, "the jumping triangle has corners of its own");
+    }
 }
 
 #[test]

@@ -6,8 +6,13 @@
 //! the kernel at the nodes) is one instruction for all. The eight take the rule that the most demanding of them needs.
 //! Pairs that are clipped at a horizon, or too near for the Gauss rules, are handed back.
 //!
+//! Kernels hold no iterators and no closures, which are compiled for the lesser processor and not inlined.
+//!
 //! Four kernel values share one division, which is what the processor is slowest at: a/p + b/q is (aq + bp)/(pq).
 //! And the panels are flat, so that of G = cosθ_a r · cosθ_b r / (π r⁴) only r depends on both points.
+
+#![expect(clippy::inline_always, reason = "lanes stay in registers only where loops are seen whole")]
+#![expect(clippy::needless_range_loop, reason = "a lane is an index into several arrays at once")]
 
 use super::Accuracy;
 use super::pair::{FLAT, a_priori_error_factors};
@@ -269,12 +274,13 @@ fn constants(a: &Panel, chunk: &Chunk, rung: usize) -> Lanes {
     let mut weights = [[0.0; LANES]; MAX_NODES];
     weighted_heights(a, nodes, &mut weights);
     let (fours, single) = nodes.as_chunks::<4>();
-    let (weights, weights_single) = (&weights[..nodes.len()]).as_chunks::<4>();
+    let (weights, weights_single) = weights[..nodes.len()].as_chunks::<4>();
     let mut total = [0.0; LANES];
     for p in 0..points.len() {
         let x = points.at(p);
         let mut sum = [0.0; LANES];
-        for (four, w) in fours.iter().zip(weights) {
+        for k in 0..fours.len() {
+            let (four, w) = (&fours[k], &weights[k]);
             for lane in 0..LANES {
                 let (p, q) = (fourth_power(x, &four[0], lane), fourth_power(x, &four[1], lane));
                 let (r, s) = (fourth_power(x, &four[2], lane), fourth_power(x, &four[3], lane));
@@ -284,7 +290,8 @@ fn constants(a: &Panel, chunk: &Chunk, rung: usize) -> Lanes {
                 sum[lane] += (first * rs + second * pq) / (pq * rs);
             }
         }
-        for (node, w) in single.iter().zip(weights_single) {
+        for k in 0..single.len() {
+            let (node, w) = (&single[k], &weights_single[k]);
             for lane in 0..LANES {
                 sum[lane] += w[lane] / fourth_power(x, node, lane);
             }
@@ -322,9 +329,11 @@ fn functions(a: &Panel, chunk: &Chunk, rung: usize, values: &mut [Lanes; MAX_DOF
         for lane in 0..LANES {
             g[lane] = points.weight[p] * height_above(chunk, x, lane);
         }
-        for (k, l) in (0..rows).flat_map(|k| (0..columns).map(move |l| (k, l))) {
-            for lane in 0..LANES {
-                values[k * columns + l][lane] += on_a[p][k] * g[lane] * row[l][lane];
+        for k in 0..rows {
+            for l in 0..columns {
+                for lane in 0..LANES {
+                    values[k * columns + l][lane] += on_a[p][k] * g[lane] * row[l][lane];
+                }
             }
         }
     }
@@ -359,8 +368,8 @@ impl Place {
             place.inverse_d2[lane] = 1.0 / d.dot(d);
             margin[lane] = -greater(chunk.radius[lane] - place.at_a[lane], a.radius - place.at_b[lane]);
         }
-        for (lane, margin) in margin.into_iter().enumerate() {
-            place.surely_whole |= u32::from(margin >= 0.0) << lane;
+        for lane in 0..LANES {
+            place.surely_whole |= u32::from(margin[lane] >= 0.0) << lane;
         }
         place
     }
@@ -431,7 +440,10 @@ fn choose(
             excess[lane] = greater(error[lane] - needed[lane], half_eta[lane] - 0.5);
             errors[lane] = error[lane] * scale[lane];
         }
-        let accurate = (0..LANES).fold(0, |mask, lane| mask | u32::from(excess[lane] <= 0.0) << lane);
+        let mut accurate = 0;
+        for lane in 0..LANES {
+            accurate |= u32::from(excess[lane] <= 0.0) << lane;
+        }
         let accurate = accurate & among;
         if accurate != 0 {
             best = Some((rung, accurate));

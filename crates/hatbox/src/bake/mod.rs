@@ -107,6 +107,8 @@ struct Baker<'a> {
     last: HashMap<Place, u32>,
     /// … and the one made there before each.
     before: Vec<u32>,
+    /// What values may differ by and still be the same, however small they are.
+    rounding: f64,
 }
 
 /// A vertex that may have been made before.
@@ -119,7 +121,13 @@ struct Candidate<'a> {
 
 impl<'a> Baker<'a> {
     fn new(solution: &'a Solution, shown: Shown) -> Self {
+        let field = match shown {
+            Shown::Radiosity => &solution.radiosity,
+            Shown::Irradiance => &solution.irradiance,
+        };
+        let greatest = field.as_slice().iter().fold(0.0, |greatest: f64, value| greatest.max(value.abs()));
         Self {
+            rounding: 1e-12 * greatest,
             solution,
             shown,
             positions: Vec::new(),
@@ -203,7 +211,7 @@ impl<'a> Baker<'a> {
     fn is_like(&self, vertex: usize, candidate: &Candidate) -> bool {
         const TOLERANCE: f64 = 1e-6;
         let values = &self.values[vertex * candidate.values.len()..][..candidate.values.len()];
-        let close = |(&a, &b): (&f64, &f64)| (a - b).abs() <= TOLERANCE * a.abs().max(b.abs());
+        let close = |(&a, &b): (&f64, &f64)| (a - b).abs() <= TOLERANCE * a.abs().max(b.abs()) + self.rounding;
         let uv = self.uvs.get(vertex).copied().unwrap_or_default();
         self.normals[vertex].distance(candidate.normal) <= TOLERANCE
             && uv.distance(candidate.uv) <= TOLERANCE

@@ -1,8 +1,8 @@
 //! What the rows of F say about its accuracy.
 
-use super::ViewFactors;
 use super::matrix::Areas;
-use crate::exchange::Dense;
+use super::{Surface, ViewFactors};
+use crate::exchange::{Dense, RowFacts};
 use rayon::prelude::*;
 
 /// What one row says.
@@ -82,7 +82,7 @@ impl ViewFactors {
     pub fn check(&self) -> Check {
         let rows = match &self.matrix.areas {
             // A closure has made the sums of rows at most one, to the last bit, in the order of the columns.
-            Areas::Elements(dense) if self.matrix.correction.is_none() => self.check_pairs(dense),
+            Areas::Elements(dense) if self.matrix.correction.is_none() => self.check_integrated(dense),
             _ => (0..self.len()).into_par_iter().map(|i| self.check_row(i)).collect(),
         };
         let closed = self.is_closed();
@@ -108,33 +108,15 @@ impl ViewFactors {
         }
     }
 
-    /// All rows of a matrix that is stored by halves, pair by pair.
-    fn check_pairs(&self, dense: &Dense) -> Vec<RowCheck> {
+    /// All rows of a matrix that is as it was integrated.
+    fn check_integrated(&self, dense: &Dense) -> Vec<RowCheck> {
         let areas: Vec<f64> = self.surfaces.iter().map(|surface| surface.area).collect();
-        let inverse: Vec<f64> = areas.iter().map(|area| 1.0 / area).collect();
-        let nothing = |escape: f64| RowCheck { sum: 0.0, closure_error: escape, reciprocity_error: 0.0, nonzeros: 0 };
-        let start = || vec![nothing(0.0); areas.len()];
-        let parts = dense.fold_pairs(start, |rows: &mut Vec<RowCheck>, i, j, exchanged| {
-            let [there, back] = [i, j].map(|k| areas[k] * (exchanged * inverse[k]));
-            let reciprocity_error = (there - back).abs() / exchanged.abs();
-            for k in [i, j] {
-                let row = &mut rows[k];
-                row.sum += exchanged;
-                row.nonzeros += 1;
-                row.reciprocity_error = greatest([row.reciprocity_error, reciprocity_error]);
-            }
-        });
-        let mut rows = start();
-        for (k, row) in rows.iter_mut().enumerate() {
-            for part in &parts {
-                row.sum += part[k].sum;
-                row.nonzeros += part[k].nonzeros;
-                row.reciprocity_error = greatest([row.reciprocity_error, part[k].reciprocity_error]);
-            }
-            row.sum *= inverse[k];
-            row.closure_error = row.sum - (1.0 - self.surfaces[k].escape);
-        }
-        rows
+        let check = |(facts, surface): (RowFacts, &Surface)| {
+            let RowFacts { sum, nonzeros, reciprocity_error } = facts;
+            let sum = sum / surface.area;
+            RowCheck { sum, closure_error: sum - (1.0 - surface.escape), reciprocity_error, nonzeros }
+        };
+        dense.row_facts(&areas).into_iter().zip(&self.surfaces).map(check).collect()
     }
 
     fn check_row(&self, i: usize) -> RowCheck {

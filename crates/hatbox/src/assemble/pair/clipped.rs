@@ -100,7 +100,7 @@ impl Shadow<'_> {
 
     /// ∫N_k G V over the source at a point of the receiver.
     fn irradiance(&self, x: DVec3) -> [f64; MAX_DOFS] {
-        let mut pieces = vec![Polygon::from_iter(self.from.corners().iter().copied())];
+        let mut pieces = vec![self.from.corners().iter().copied().collect::<Polygon>()];
         let mut hidden = false;
         for blocker in &self.blockers {
             hidden |= remove_cone(&mut pieces, x, blocker);

@@ -100,13 +100,13 @@ impl Edge {
             [(0, 0), (0, 1), (1, 0), (1, 1)].into_iter().filter(|&(i, j)| touch(mine[i], others[j])).collect();
         match shared[..] {
             [] => self.apart(other, budget),
-            [(i, j)] => [self.from_a_corner(mine[1 - i], other, others[1 - j]), 0.0],
+            [(i, j)] => [self.across_a_corner(mine[1 - i], other, others[1 - j]), 0.0],
             _ => [self.length * self.length * (self.length.ln() - 1.5), 0.0],
         }
     }
 
     /// The segments start at one point and end at `p` and `q`: −ab/2 + ½(a ∫ln|p − y| + b ∫ln|x − q|).
-    fn from_a_corner(&self, p: DVec3, other: &Self, q: DVec3) -> f64 {
+    fn across_a_corner(&self, p: DVec3, other: &Self, q: DVec3) -> f64 {
         let (a, b) = (self.length, other.length);
         0.5 * (a * other.logarithm(p) + b * self.logarithm(q) - a * b)
     }

@@ -140,9 +140,13 @@ struct Rows<'a> {
 }
 
 impl Builder<'_> {
+    fn unknowns(&self) -> usize {
+        self.offsets[self.panels.len()]
+    }
+
     fn run(&self, run: usize, sums: &mut Sums) -> Vec<Vec<f64>> {
         let range = self.tree.clusters[run].range.clone();
-        let unknowns = self.offsets[self.panels.len()];
+        let unknowns = self.unknowns();
         let row = |place: usize| {
             let first = self.offsets[place];
             vec![0.0; (self.offsets[place + 1] - first) * (unknowns - first)]
@@ -253,6 +257,17 @@ impl Rows<'_> {
 
     fn put_lanes(&mut self, builder: &Builder<'_>, i: usize, first: usize, found: &Found) {
         let offsets = builder.offsets;
+        if found.done == u32::MAX >> (32 - LANES) && offsets.len() == builder.unknowns() + 1 {
+            // Eight constants side by side.
+            self.sums.pairs += LANES as u64;
+            self.sums.clear_pairs += LANES as u64;
+            self.values[i - self.range.start][first - i..][..LANES].copy_from_slice(&found.values[0]);
+            self.sums.quadrature[i] += found.errors.iter().sum::<f64>();
+            for (sum, error) in self.sums.quadrature[first..first + LANES].iter_mut().zip(&found.errors) {
+                *sum += error;
+            }
+            return;
+        }
         let start = offsets[i];
         let width = offsets[builder.panels.len()] - start;
         let rows = offsets[i + 1] - start;

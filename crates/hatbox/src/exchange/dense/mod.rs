@@ -7,8 +7,10 @@
 //! Rows and columns are in the order of a tree over the cells, so that what is integrated together lies together.
 
 mod build;
+mod facts;
 mod views;
 
+pub use facts::RowFacts;
 pub use views::Views;
 
 use super::{Exchange, ExchangeError, Geometry, Params, Statistics};
@@ -90,38 +92,6 @@ impl Dense {
         for (other, out) in out.iter_mut().enumerate() {
             *out = self.exchange_area(cell, other);
         }
-    }
-
-    /// Calls `take(i, j, area)` for every pair of cells that exchange something, each once, as (i, j) or as (j, i), and
-    /// collects one result for each of a fixed number of runs of them, in order.
-    pub fn fold_pairs<T: Send>(
-        &self,
-        start: impl Fn() -> T + Sync,
-        take: impl Fn(&mut T, usize, usize, f64) + Sync,
-    ) -> Vec<T> {
-        let cells = self.place.len();
-        let mut cell_at = vec![0; cells];
-        for (cell, &place) in self.place.iter().enumerate() {
-            cell_at[place as usize] = cell;
-        }
-        let constant = self.unknowns.len() == cells;
-        let run = |run: usize| {
-            let mut folded = start();
-            for place in (run..cells).step_by(RUNS) {
-                for other in place + 1..cells {
-                    let area = if constant {
-                        self.rows[place][other - place]
-                    } else {
-                        self.exchange_area(cell_at[place], cell_at[other])
-                    };
-                    if area != 0.0 {
-                        take(&mut folded, cell_at[place], cell_at[other], area);
-                    }
-                }
-            }
-            folded
-        };
-        (0..RUNS).into_par_iter().with_max_len(1).map(run).collect()
     }
 
     /// The places of two cells, the lesser first.
