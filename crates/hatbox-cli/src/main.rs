@@ -24,6 +24,6 @@ fn main() -> ExitCode {
     // 4. What became of it.
     match done {
         Ok(status) => status,
-        Err(failure) => failure.report(),
+        Err(failure) => failure::report(failure),
     }
 }

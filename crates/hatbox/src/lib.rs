@@ -149,6 +149,7 @@
 //! - [`adapt`]: meshes refined until the error is what was asked for.
 //! - [`view_factors`], [`check`]: what can be said before there is light.
 //! - [`bake`], [`probe`], [`report`], [`render`], [`io`]: what a solution becomes.
+//! - [`failure`]: what is said when something is wrong.
 
 #![warn(unsafe_code, clippy::print_stdout, clippy::print_stderr, clippy::exit)]
 #![cfg_attr(test, allow(clippy::float_cmp, reason = "tests say `==` where they mean exactly equal"))]
@@ -159,6 +160,7 @@ pub mod bake;
 pub mod check;
 pub mod element;
 pub mod exchange;
+pub mod failure;
 pub mod io;
 pub mod kernel;
 pub mod linalg;

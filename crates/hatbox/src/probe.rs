@@ -47,6 +47,25 @@ pub struct Probed {
     pub missed: usize,
 }
 
+impl Probed {
+    /// What is doubtful about the values, a sentence each.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if self.far > 0 {
+            let percent = 100.0 * FAR;
+            warnings.push(format!(
+                "{} points lie farther than {percent} % of the scene's size from the surface whose value they were given",
+                self.far
+            ));
+        }
+        if self.missed > 0 {
+            let missed = self.missed;
+            warnings.push(format!("{missed} points have a normal that no surface agrees with; their values are NaN"));
+        }
+        warnings
+    }
+}
+
 impl<'a> Probe<'a> {
     /// Prepares the search.
     pub fn new(solution: &'a Solution) -> Self {

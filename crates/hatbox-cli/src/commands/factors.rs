@@ -6,11 +6,9 @@ use crate::failure::Failure;
 use crate::progress::Bars;
 use crate::style::Style;
 use crate::{options, output, summary};
-use hatbox::exchange::ExchangeError;
 use hatbox::io::{self, factors};
 use hatbox::view_factors::{self, Closed, Distribution, Estimate, RowCheck, Thinned, ViewFactors};
 use serde::Serialize;
-use std::path::Path;
 use std::time::Instant;
 
 /// What `--json` prints.
@@ -152,7 +150,7 @@ pub(super) fn run(args: &FactorsArgs, talk: Talk) -> Result<(), Failure> {
     output::warn(&warnings);
     // 3. The factors, if they fit.
     let options = options::factors(args);
-    let failed = |error| failure(&args.scene.path, &error);
+    let failed = |error: view_factors::Error| Failure::from(error).in_file(&args.scene.path);
     let estimate = Estimate::of(&scene, &options).map_err(|error| failed(error.into()))?;
     let bars = Bars::new(talk.shows_progress());
     if talk.shows_progress() {
@@ -181,18 +179,6 @@ pub(super) fn run(args: &FactorsArgs, talk: Talk) -> Result<(), Failure> {
         Talk::Json => output::print_json(&done),
         Talk::Summary => output::print(&summary::factors(&args.scene.path, &found, &done, Style::stdout())),
         Talk::Quiet => Ok(()),
-    }
-}
-
-fn failure(path: &Path, error: &view_factors::Error) -> Failure {
-    match error {
-        view_factors::Error::Exchange(ExchangeError::Interrupted(_)) => Failure::Interrupted,
-        view_factors::Error::Memory { .. } => Failure::with_help(
-            format!("{}: {error}", path.display()),
-            "ask for fewer elements (--elements, --max-edge); every pair of them is kept until the end, so --groups and \
-             --threshold make the result smaller, but not the work. --memory allows more",
-        ),
-        _ => Failure::of_file(path, error),
     }
 }
 

@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::output;
 use hatbox::io::csv::{self, Point};
 use hatbox::io::{atomic, npz};
-use hatbox::probe::{FAR, Probe, Probed};
+use hatbox::probe::{Probe, Probed};
 use std::path::Path;
 
 /// The formats of the output.
@@ -23,7 +23,7 @@ pub(super) fn run(args: &ProbeArgs) -> Result<(), Failure> {
     // 3. The values there.
     let places: Vec<_> = points.iter().map(|point| (point.position, point.normal)).collect();
     let probed = Probe::new(&solution).values(&places);
-    output::warn(&warnings(&probed));
+    output::warn(&probed.warnings());
     // 4. The table.
     match &args.output {
         Some(path) => Ok(csv::save_points(&points, &probed.irradiance, &probed.radiosity, path)?),
@@ -42,20 +42,4 @@ fn check_output(path: &Path) -> Result<(), Failure> {
 
 fn print(points: &[Point], probed: &Probed) -> Result<(), Failure> {
     output::print_with(|mut out| csv::write_points(points, &probed.irradiance, &probed.radiosity, &mut out))
-}
-
-fn warnings(probed: &Probed) -> Vec<String> {
-    let mut warnings = Vec::new();
-    if probed.far > 0 {
-        let percent = 100.0 * FAR;
-        warnings.push(format!(
-            "{} points lie farther than {percent} % of the scene's size from the surface whose value they were given",
-            probed.far
-        ));
-    }
-    if probed.missed > 0 {
-        let missed = probed.missed;
-        warnings.push(format!("{missed} points have a normal that no surface agrees with; their values are NaN"));
-    }
-    warnings
 }

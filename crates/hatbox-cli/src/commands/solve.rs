@@ -8,10 +8,8 @@ use crate::style::Style;
 use crate::{options, output, summary};
 use hatbox::adapt;
 use hatbox::io::{self, WriteOptions};
-use hatbox::mesh::Refinement;
 use hatbox::radiosity::{self, Solution, gathered, solve};
 use hatbox::report::Report;
-use hatbox::scene::Scene;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -44,9 +42,9 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
     output::warn(&warnings);
     // 3. The light in it.
     let bars = Bars::new(talk.shows_progress());
-    let failure = |error: radiosity::Error| Failure::of_solve(&args.scene.path, &error);
+    let failure = |error: radiosity::Error| Failure::from(error).in_file(&args.scene.path);
     let (solution, report) = if let Some(options) = options::adaptive(args) {
-        check_focus(&scene, &options)?;
+        options.check_focus(&scene)?;
         let adapted = adapt::solve(&scene, &options, &bars).map_err(failure)?;
         let report = Report::adapted(&scene, &options, &adapted);
         (adapted.solved.solution, report)
@@ -83,23 +81,4 @@ pub(super) fn write(
         Ok(Written::new(path))
     };
     paths.iter().map(write).collect()
-}
-
-/// Makes sure that there is something in focus.
-fn check_focus(scene: &Scene, options: &adapt::Options) -> Result<(), Failure> {
-    let Some(focus) = &options.focus else { return Ok(()) };
-    // A box may hold no middle of a face, and yet middles of smaller cells.
-    let fine = scene.refined(Refinement::Elements(options.most_coefficients), options.solve.basis);
-    if fine.is_ok_and(|fine| focus.cells(&fine).contains(&true)) {
-        return Ok(());
-    }
-    let mut names: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();
-    names.extend(scene.mesh.groups.iter().map(String::as_str));
-    names.dedup();
-    names.truncate(20);
-    let help = format!("use a box X,Y,Z;X,Y,Z or one of: {}", names.join(", "));
-    Err(Failure::with_help(
-        "--focus: no material and no object has that name, and no surface lies in such a box".to_owned(),
-        help,
-    ))
 }

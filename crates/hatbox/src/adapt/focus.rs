@@ -39,6 +39,24 @@ impl Focus {
     }
 }
 
+/// A focus that no cell lies in.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("--focus: no material and no object has that name, and no surface lies in such a box")]
+pub struct NothingInFocus {
+    /// Some of the names that the scene has.
+    pub names: Vec<String>,
+}
+
+impl NothingInFocus {
+    pub(super) fn of(scene: &Scene) -> Self {
+        let mut names: Vec<String> = scene.materials.iter().map(|material| material.name.clone()).collect();
+        names.extend(scene.mesh.groups.iter().cloned());
+        names.dedup();
+        names.truncate(20);
+        Self { names }
+    }
+}
+
 /// For each cell the greater of 1_focus and R ψ's mean: at most what an error there does to the focus, relative to one
 /// within. The dual solution is that of a scene whose focus glows: S is symmetric.
 pub(super) fn importance(

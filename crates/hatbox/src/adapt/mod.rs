@@ -11,11 +11,11 @@
 
 mod focus;
 
-pub use focus::Focus;
+pub use focus::{Focus, NothingInFocus};
 
 use crate::mesh::Refinement;
 use crate::progress::Progress;
-use crate::radiosity::{self, Error, Solution, Solved, System, local_error, solve_subdivided};
+use crate::radiosity::{self, Error, Solution, Solved, System, local_error};
 use crate::scene::Scene;
 use crate::solve::SolveError;
 use std::time::{Duration, Instant};
@@ -52,6 +52,20 @@ impl Default for Options {
     }
 }
 
+impl Options {
+    /// Makes sure that there is something in focus.
+    ///
+    /// # Errors
+    /// [`NothingInFocus`] if no cell would lie in it, however fine.
+    pub fn check_focus(&self, scene: &Scene) -> Result<(), NothingInFocus> {
+        let Some(focus) = &self.focus else { return Ok(()) };
+        // A box may hold no middle of a face, and yet middles of smaller cells.
+        let fine = scene.refined(Refinement::Elements(self.most_coefficients), self.solve.basis);
+        let found = fine.is_ok_and(|fine| focus.cells(&fine).contains(&true));
+        if found { Ok(()) } else { Err(NothingInFocus::of(scene)) }
+    }
+}
+
 /// One round.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Round {
@@ -68,6 +82,8 @@ pub struct Round {
 /// A solution, and how its mesh came to be.
 #[derive(Debug, Clone)]
 pub struct Adapted {
+    /// What was solved last: it can be relit and repainted.
+    pub system: System,
     /// The last round's solution.
     pub solved: Solved,
     /// The rounds, in order.
@@ -98,12 +114,13 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
             }
             Ok(focus.clone())
         };
-        let (solved, seen) = solve_subdivided(scene, &settings, within, progress)?;
+        let system = System::of_cells(scene, &settings, progress)?;
+        let (solved, seen) = system.solved_within(&settings, within, progress)?;
         let estimate = solved.error.map_or(0.0, |error| error.relative);
         let elements = solved.solution.space.cells();
         rounds.push(Round { elements, unknowns: solved.unknowns, estimate, time: started.elapsed() });
         if estimate <= options.tolerance {
-            return Ok(Adapted { solved, rounds, reached: true });
+            return Ok(Adapted { system, solved, rounds, reached: true });
         }
         let squares = error_squares(&solved.solution, &seen, importance.as_deref());
         let bulk = if estimate > 2.0 * options.tolerance { BULK_FAR } else { BULK };
@@ -111,7 +128,7 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
         let per_cell = settings.basis.triangle.dofs();
         // A mesh that does not grow has no error to refine for: what is left is not the elements'.
         if finer.mesh.cells.len() * per_cell > options.most_coefficients || finer.mesh.cells.len() == elements {
-            return Ok(Adapted { solved, rounds, reached: false });
+            return Ok(Adapted { system, solved, rounds, reached: false });
         }
         scene = finer;
     }

@@ -61,6 +61,11 @@ impl MultiVector {
         &self.data
     }
 
+    /// All numbers, band after band, handed over.
+    pub fn into_vec(self) -> Vec<f64> {
+        self.data
+    }
+
     /// All numbers, band after band, to write.
     pub fn as_mut_slice(&mut self) -> &mut [f64] {
         &mut self.data

@@ -14,6 +14,7 @@ mod operators;
 mod reconstruct;
 mod residual;
 mod solution;
+mod solved;
 mod system;
 
 pub use gather::Gather;
@@ -21,4 +22,5 @@ pub use indicator::local_error;
 pub use reconstruct::{error_of, gathered};
 pub use residual::{ErrorEstimate, Estimated, Sampling, estimate_error};
 pub use solution::{Shown, Solution};
-pub use system::{Energy, Error, MaterialsError, Options, Solved, System, solve, solve_subdivided};
+pub use solved::{Energy, Error, MaterialsError, Options, Solved, solve};
+pub use system::System;

@@ -7,6 +7,7 @@ use crate::solve::{Params, cg};
 use crate::space::FunctionSpace;
 
 /// C and Cᵀ; the identity where nothing is joined.
+#[derive(Clone)]
 pub(super) struct Join {
     matrices: Option<(Csr, Csr)>,
 }
@@ -51,7 +52,11 @@ impl LinearOperator for Mass<'_> {
 
 /// An approximation of (CᵀΔC)⁻¹ that costs nothing: exact where nothing is joined, the inverse of the diagonal else
 /// (the condition of a scaled mass matrix of hats is below 10 on any mesh).
-pub(super) fn preconditioner(join: &Join, mass: &BlockDiagonal, inverse: &BlockDiagonal) -> Box<dyn LinearOperator> {
+pub(super) fn preconditioner(
+    join: &Join,
+    mass: &BlockDiagonal,
+    inverse: &BlockDiagonal,
+) -> Box<dyn LinearOperator + Send> {
     let Some((c, _)) = &join.matrices else { return Box::new(inverse.clone()) };
     let mut diagonal = vec![0.0; c.cols()];
     for (row, column, value) in mass.triplets(0) {

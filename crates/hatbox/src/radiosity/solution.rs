@@ -1,7 +1,7 @@
 //! The solution as a function on the surfaces.
 
 use crate::element::MAX_DOFS;
-use crate::linalg::MultiVector;
+use crate::linalg::{LinearOperator, MultiVector};
 use crate::scene::Scene;
 use crate::space::FunctionSpace;
 
@@ -37,6 +37,22 @@ impl Solution {
         };
         let functions: [f64; MAX_DOFS] = self.space.element(cell).values(at);
         field.band(band)[self.space.range(cell)].iter().zip(functions).map(|(b, n)| b * n).sum()
+    }
+
+    /// The joined coefficients of B, one per unknown and band: what the system was solved for. The broken ones where
+    /// nothing is joined.
+    pub fn coefficients(&self) -> MultiVector {
+        let Some(continuity) = self.space.continuity() else { return self.radiosity.clone() };
+        let mut joined = MultiVector::zeros(continuity.cols(), self.bands());
+        for dof in 0..self.radiosity.rows() {
+            // A row of C holds a single one: the broken coefficient is that of its set.
+            for (unknown, _) in continuity.row(dof) {
+                for band in 0..self.bands() {
+                    joined.band_mut(band)[unknown] = self.radiosity.band(band)[dof];
+                }
+            }
+        }
+        joined
     }
 
     /// Number of bands.

@@ -1,15 +1,14 @@
 use super::operators::{Equation, InverseMass, Join, Mass, Symmetric, Transport, preconditioner};
-use super::{ErrorEstimate, Estimated, Gather, Sampling, Solution, estimate_error};
-use crate::assemble::{Panel, load, mass, weighted_mass};
-use crate::element::{ALL, Basis};
-use crate::exchange::{self, Balanced, Exchange, ExchangeError, Geometry, Statistics};
+use super::{Energy, Error, Gather, MaterialsError, Solution};
+use crate::assemble::{Accuracy, Block, Panel, load, mass, weighted_mass};
+use crate::exchange::{self, Balanced, Exchange, ExchangeError, Geometry};
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
-use crate::mesh::{RefineError, Refinement};
 use crate::progress::Progress;
-use crate::scene::{Material, Scene, SceneError};
+use crate::scene::{Material, Scene};
 use crate::solve::{self, Info, SolveError, cg, gmres, neumann};
-use crate::space::{CREASE_ANGLE, Continuity, FunctionSpace, NoElement};
-use crate::visibility::Bvh;
+use crate::space::{Continuity, FunctionSpace};
+use crate::visibility::{Bvh, Occluders};
+use std::fmt;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
@@ -21,200 +20,6 @@ const SAMPLED_SOLVER_TOLERANCE: f64 = 1e-7;
 /// Steps of Arnoldi's method for the norm of the operator: an exact one costs little to apply, a sampled one has its
 /// greatest gain among the first.
 const NORM_STEPS: [usize; 2] = [12, 4];
-
-/// What a user chooses.
-#[derive(Debug, Clone, Copy)]
-pub struct Options {
-    /// The basis; see [`crate::element::ALL`].
-    pub basis: &'static Basis,
-    /// Where functions are joined.
-    pub continuity: Continuity,
-    /// How the mesh is subdivided.
-    pub refinement: Refinement,
-    /// Vertices of the subdivision are at t^q from the edges of faces, this being q: 1 for a uniform subdivision, 2 for
-    /// linear and 3 for quadratic functions to have their order in spite of the edges.
-    pub grading: f64,
-    /// Relative error that the operator may have.
-    pub tolerance: f64,
-    /// The kind of exchange operator.
-    pub operator: &'static exchange::Kind,
-    /// The solver; `None` chooses conjugate gradients where R is constant on every element and GMRES elsewhere.
-    pub solver: Option<solve::Kind>,
-    /// Seed of all sampling.
-    pub seed: u64,
-    /// Most bytes that the operator may store.
-    pub memory: usize,
-    /// Points at which the error is estimated; 0 leaves it unknown.
-    pub error_points: usize,
-}
-
-impl Default for Options {
-    /// Joined linear functions on about 3000 elements, to 1 %.
-    fn default() -> Self {
-        Self {
-            basis: &ALL[1],
-            continuity: Continuity::Continuous { crease_angle: CREASE_ANGLE },
-            refinement: Refinement::Elements(3000),
-            grading: 1.0,
-            tolerance: 1e-2,
-            operator: &exchange::AUTO,
-            solver: None,
-            seed: 0,
-            memory: exchange::MEMORY,
-            error_points: 256,
-        }
-    }
-}
-
-/// Why there is no solution.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum Error {
-    /// The mesh cannot be subdivided as asked.
-    #[error(transparent)]
-    Refine(#[from] RefineError),
-    /// The basis has no element for a cell.
-    #[error(transparent)]
-    NoElement(#[from] NoElement),
-    /// The operator was not built.
-    #[error(transparent)]
-    Exchange(#[from] ExchangeError),
-    /// The system was not solved.
-    #[error(transparent)]
-    Solve(#[from] SolveError),
-    /// A cell is too thin for its integrals: its mass matrix is singular to rounding.
-    #[error("an element has no area to rounding; remove slivers from the mesh (`hatbox check` lists them)")]
-    Degenerate,
-}
-
-/// Why materials cannot take the place of others.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum MaterialsError {
-    /// The cells would have to be others.
-    #[error(
-        "the new materials are not as many as the old ones, or not two-sided where those are; solve the scene anew"
-    )]
-    Geometry,
-    /// One of them is impossible.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-}
-
-/// Where the power went, per band, in lm or W.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Energy {
-    /// ∫B⁰.
-    pub emitted: Vec<f64>,
-    /// ∫B.
-    pub leaving: Vec<f64>,
-    /// ∫(1 − R) E.
-    pub absorbed: Vec<f64>,
-    /// ∫B − ∫E: what leaves and does not arrive.
-    pub escaped: Vec<f64>,
-}
-
-impl Energy {
-    /// |emitted − absorbed − escaped| / emitted, the greatest of all bands.
-    pub fn defect(&self) -> f64 {
-        let of = |band: usize| {
-            let (e, a, s) = (self.emitted[band], self.absorbed[band], self.escaped[band]);
-            if e > 0.0 { ((e - a - s) / e).abs() } else { 0.0 }
-        };
-        (0..self.emitted.len()).map(of).fold(0.0, f64::max)
-    }
-}
-
-/// A solution and how it was reached.
-#[derive(Debug, Clone)]
-pub struct Solved {
-    /// The solution.
-    pub solution: Solution,
-    /// Number of unknowns per band.
-    pub unknowns: usize,
-    /// The exchange operator.
-    pub operator: Statistics,
-    /// What is known of the row sums.
-    pub closure: exchange::Closure,
-    /// Name of the kind of operator.
-    pub operator_kind: &'static str,
-    /// Why that kind was chosen, if it was not asked for.
-    pub operator_reason: Option<String>,
-    /// ‖Δ^-½ S Δ^-½‖, from below: at most 1 but for the operator's error.
-    pub operator_norm: f64,
-    /// Time to subdivide the mesh and build it.
-    pub operator_time: Duration,
-    /// The solver that ran.
-    pub solver: solve::Kind,
-    /// What it did.
-    pub info: Info,
-    /// Time it took.
-    pub solver_time: Duration,
-    /// Where the power went.
-    pub energy: Energy,
-    /// The estimated error; `None` if it was not asked for.
-    pub error: Option<ErrorEstimate>,
-}
-
-/// Subdivides, builds the operator, solves, and estimates the error.
-///
-/// # Errors
-/// [`Error`]; nothing is left behind.
-pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Solved, Error> {
-    let scene = scene.refined_graded(options.refinement, options.grading, options.basis)?;
-    let no_focus = |_: &System, _: &Solution| Ok(None);
-    solve_subdivided(scene, options, no_focus, progress).map(|(solved, _)| solved)
-}
-
-/// Solves on the cells of the scene as they are. The error is estimated on the cells that `within` chooses, all if it
-/// chooses none; with it come the residuals it is made of.
-///
-/// # Errors
-/// [`Error`]; nothing is left behind.
-pub fn solve_subdivided(
-    scene: Scene,
-    options: &Options,
-    within: impl FnOnce(&System, &Solution) -> Result<Option<Vec<bool>>, SolveError>,
-    progress: &dyn Progress,
-) -> Result<(Solved, Vec<(usize, f64)>), Error> {
-    let started = Instant::now();
-    let space = FunctionSpace::new(&scene, options.basis, options.continuity)?;
-    let params = exchange::Params {
-        seed: options.seed,
-        strengths: strengths(&scene),
-        memory: options.memory,
-        ..exchange::Params::new(options.tolerance)
-    };
-    let reason =
-        (options.operator.name == exchange::AUTO.name).then(|| exchange::choose(space.broken_dofs(), options.memory).1);
-    let system = System::new(scene, space, options.operator, &params, progress)?;
-    let operator_time = started.elapsed();
-    let started = Instant::now();
-    let kind = options.solver.unwrap_or_else(|| system.best_solver());
-    let (solution, info) =
-        system.solve(kind, &solve::Params { tolerance: system.solver_tolerance(), ..Default::default() }, progress)?;
-    let solver_time = started.elapsed();
-    let within = within(&system, &solution)?;
-    let sampling = Sampling { points: options.error_points, seed: options.seed, within: within.as_deref() };
-    let estimated = (options.error_points > 0)
-        .then(|| estimate_error(&system, &solution, &info, &sampling, progress))
-        .transpose()?;
-    let (error, seen) = estimated.map_or((None, Vec::new()), |Estimated { error, seen }| (Some(error), seen));
-    let solved = Solved {
-        energy: system.energy(&solution),
-        unknowns: system.space.dofs(),
-        operator: system.exchange.statistics(),
-        closure: system.exchange.closure,
-        operator_kind: system.exchange.kind(),
-        operator_reason: reason,
-        operator_norm: system.operator_norm(),
-        operator_time,
-        solver: kind,
-        info,
-        solver_time,
-        error,
-        solution,
-    };
-    Ok((solved, seen))
-}
 
 /// How strongly the light of each cell counts: its exitance over the mean irradiance that the scene's power makes.
 pub(super) fn strengths(scene: &Scene) -> Vec<f64> {
@@ -235,20 +40,35 @@ pub(super) fn strengths(scene: &Scene) -> Vec<f64> {
 }
 
 /// What does not depend on the light: a space on a scene, its mass matrix and its exchange operator.
+///
+/// Clones share the operator: [`set_materials`](Self::set_materials) on one of them makes another light beside the first.
+#[derive(Clone)]
 pub struct System {
     /// The scene, subdivided.
     pub scene: Scene,
     /// The space.
     pub space: FunctionSpace,
     /// S, balanced where the scene is closed.
-    pub exchange: Balanced,
-    panels: OnceLock<Vec<Panel>>,
+    pub exchange: Arc<Balanced>,
+    /// Time to build it; nothing in new materials.
+    pub operator_time: Duration,
+    /// Why that kind of operator was chosen, if it was not asked for.
+    pub(super) operator_reason: Option<String>,
+    panels: Arc<OnceLock<Vec<Panel>>>,
     blockers: Arc<Bvh>,
+    occluders: Arc<OnceLock<Occluders>>,
     strengths: Vec<f64>,
     join: Join,
     mass: BlockDiagonal,
     mass_inverse: BlockDiagonal,
-    preconditioner: Box<dyn LinearOperator>,
+    preconditioner: Arc<dyn LinearOperator + Send>,
+}
+
+impl fmt::Debug for System {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (cells, unknowns) = (self.space.cells(), self.space.dofs());
+        f.debug_struct("System").field("cells", &cells).field("unknowns", &unknowns).finish_non_exhaustive()
+    }
 }
 
 impl System {
@@ -263,7 +83,8 @@ impl System {
         params: &exchange::Params,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
-        let (panels, blockers) = (OnceLock::new(), Arc::new(Bvh::of_surfaces(&scene.surfaces)));
+        let started = Instant::now();
+        let (panels, blockers) = (Arc::new(OnceLock::new()), Arc::new(Bvh::of_surfaces(&scene.surfaces)));
         let mass = mass(&scene, &space);
         let mass_inverse = mass.inverse().ok_or(Error::Degenerate)?;
         let geometry = Geometry::new(&scene, &space, &blockers, &panels);
@@ -274,14 +95,34 @@ impl System {
         };
         let exchange = Balanced::new(exchange, &scene, &space, &mass, &mass_inverse, escape);
         let join = Join::of(&space);
-        let preconditioner = preconditioner(&join, &mass, &mass_inverse);
-        let strengths = params.strengths.clone();
-        Ok(Self { scene, space, exchange, panels, blockers, strengths, join, mass, mass_inverse, preconditioner })
+        Ok(Self {
+            exchange: Arc::new(exchange),
+            operator_time: started.elapsed(),
+            operator_reason: None,
+            occluders: Arc::default(),
+            strengths: params.strengths.clone(),
+            preconditioner: Arc::from(preconditioner(&join, &mass, &mass_inverse)),
+            scene,
+            space,
+            panels,
+            blockers,
+            join,
+            mass,
+            mass_inverse,
+        })
     }
 
     /// The cells as panels, made when they are first asked for.
     pub(super) fn panels(&self) -> &[Panel] {
         self.panels.get_or_init(|| Panel::of(&self.scene.mesh, &self.space))
+    }
+
+    /// The block S_ij = ∬ N_i N_j G V of two cells, integrated afresh as the dense operator would, to a tolerance of its own,
+    /// and not balanced.
+    pub fn pair_block(&self, i: usize, j: usize, accuracy: &Accuracy) -> Block {
+        let occluders = self.occluders.get_or_init(|| Occluders::new(&self.scene.surfaces));
+        let views = exchange::Views { occluders, blockers: &self.blockers };
+        views.pair_block([&self.panels()[i], &self.panels()[j]], [1.0; 2], accuracy)
     }
 
     /// Replaces the materials, one by one, and keeps the operator: another light (new B⁰), another paint (new R).
@@ -290,10 +131,13 @@ impl System {
     /// bit; only the functions' joints are found again, since they follow the materials.
     ///
     /// # Errors
-    /// [`MaterialsError`] if their number, their bands or which of them are two-sided would change, or one of them is
-    /// not physical; the system is then as it was.
+    /// [`MaterialsError`] if their number or what their sides do would change, or one of them is not physical; the system
+    /// is then as it was.
+    ///
+    /// How finely shadows are sampled follows the lamps that the operator was built for; the estimated error of a solution
+    /// tells whether that is good enough for the new ones.
     pub fn set_materials(&mut self, materials: Vec<Material>, continuity: Continuity) -> Result<(), MaterialsError> {
-        let same = |(a, b): (&Material, &Material)| a.two_sided == b.two_sided;
+        let same = |(a, b): (&Material, &Material)| (a.two_sided, a.blocks_only) == (b.two_sided, b.blocks_only);
         if materials.len() != self.scene.materials.len() || !materials.iter().zip(&self.scene.materials).all(same) {
             return Err(MaterialsError::Geometry);
         }
@@ -303,14 +147,16 @@ impl System {
             self.space = space;
         }
         self.join = Join::of(&self.space);
-        self.preconditioner = preconditioner(&self.join, &self.mass, &self.mass_inverse);
+        self.preconditioner = Arc::from(preconditioner(&self.join, &self.mass, &self.mass_inverse));
+        self.strengths = strengths(&self.scene);
+        self.operator_time = Duration::ZERO;
         Ok(())
     }
 
     /// ‖Δ^-½ S Δ^-½‖ from below, by a few steps of Arnoldi's method.
     pub fn operator_norm(&self) -> f64 {
         let steps = NORM_STEPS[usize::from(!self.exchange.is_symmetric())];
-        exchange::norm(&self.exchange, &self.mass, &self.mass_inverse, steps)
+        exchange::norm(&*self.exchange, &self.mass, &self.mass_inverse, steps)
     }
 
     /// How far the solver should go: as far as power balances by the operator.
@@ -362,14 +208,14 @@ impl System {
         let reflectance = weighted_mass(&self.scene, &self.space);
         let transport = Transport {
             join: &self.join,
-            exchange: &self.exchange,
+            exchange: &*self.exchange,
             mass_inverse: &self.mass_inverse,
             reflectance: &reflectance,
         };
         let mut b = self.inverse_mass().times(&right_side);
         let info = match (kind, self.root_reflectance()) {
             (solve::Kind::Cg, Some(root)) => {
-                let symmetric = Symmetric { mass: self.joined_mass(), exchange: &self.exchange, root: &root };
+                let symmetric = Symmetric { mass: self.joined_mass(), exchange: &*self.exchange, root: &root };
                 return self.solve_symmetric(&symmetric, &b, params, progress);
             }
             (solve::Kind::Neumann, _) => {

@@ -5,20 +5,15 @@
 //! the view is clear, all panels of both are integrated side by side ([`Batch`]).
 
 use super::Dense;
+use super::views::{Between, Views};
 use crate::assemble::{Accuracy, Batch, Block, Facing, Found, LANES, Panel, Sight, facing_block};
 use crate::exchange::tree::{LEAF, Tree};
 use crate::exchange::{Geometry, Params, Statistics};
 use crate::progress::{Interrupted, Progress};
-use crate::visibility::{Occluders, Shaft, ShaftResult, Visibility};
+use crate::visibility::{Occluders, Shaft};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// More possible blockers than this in a shaft are not listed.
-const MAX_CANDIDATES: usize = 48;
-/// So many of the listed blockers are tried for hiding the whole view.
-const MAX_HIDERS: usize = 8;
-/// More possible blockers than this between two panels are not clipped; rays take their place.
-const MAX_CLIPPED: usize = 16;
 /// The runs are dealt to this many strands, each of which adds up its errors in order: fixed, so that sums do not depend
 /// on the number of threads.
 const STRANDS: usize = 64;
@@ -30,8 +25,7 @@ pub(super) fn build(geometry: &Geometry<'_>, params: &Params, progress: &dyn Pro
     let total_area = geometry.panels().iter().map(Panel::area).sum();
     let accuracy = Accuracy { tolerance: params.tolerance, total_area, max_rays: params.max_rays, seed: params.seed };
     let builder = Builder {
-        geometry,
-        occluders: &Occluders::new(geometry.surfaces),
+        views: Views { occluders: &Occluders::new(geometry.surfaces), blockers: geometry.blockers },
         batch: &Batch::new(&ordered),
         panels: &ordered,
         tree: &tree,
@@ -128,8 +122,7 @@ impl Sums {
 
 /// What the blocks of a run of rows need.
 struct Builder<'a> {
-    geometry: &'a Geometry<'a>,
-    occluders: &'a Occluders,
+    views: Views<'a>,
     batch: &'a Batch,
     /// In the tree's order.
     panels: &'a [&'a Panel],
@@ -137,17 +130,6 @@ struct Builder<'a> {
     params: &'a Params,
     accuracy: Accuracy,
     offsets: &'a [usize],
-}
-
-/// What may stand in a view.
-#[derive(Clone, Copy)]
-enum Between<'a> {
-    /// Nothing, by proof.
-    Nothing,
-    /// These polygons, and no others.
-    Some(&'a [u32]),
-    /// More than are worth listing.
-    Many,
 }
 
 /// A run of rows while they are made.
@@ -189,8 +171,8 @@ impl Builder<'_> {
             Between::Many
         } else {
             let shaft = Shaft::between(&one.hull, &other.hull);
-            let between = self.narrowed(&shaft, [u32::MAX; 2], inherited, &mut list);
-            if matches!(between, Between::Some(candidates) if self.is_hidden(&shaft, candidates)) {
+            let between = self.views.narrowed(&shaft, [u32::MAX; 2], inherited, &mut list);
+            if matches!(between, Between::Some(candidates) if self.views.is_hidden(&shaft, candidates)) {
                 return;
             }
             between
@@ -208,35 +190,6 @@ impl Builder<'_> {
         }
     }
 
-    /// What of `inherited` may stand in a shaft, except the polygons of `skip`.
-    fn narrowed<'b>(
-        &self,
-        shaft: &Shaft,
-        skip: [u32; 2],
-        inherited: Between<'_>,
-        list: &'b mut Vec<u32>,
-    ) -> Between<'b> {
-        list.clear();
-        match inherited {
-            Between::Nothing => return Between::Nothing,
-            Between::Some(candidates) => {
-                let may_block = |&&k: &&u32| !skip.contains(&k) && shaft.may_block(self.occluders.polygon(k));
-                list.extend(candidates.iter().filter(may_block));
-            }
-            Between::Many => {
-                if self.occluders.candidates(shaft, &skip, list, MAX_CANDIDATES) == ShaftResult::TooMany {
-                    return Between::Many;
-                }
-            }
-        }
-        if list.is_empty() { Between::Nothing } else { Between::Some(list) }
-    }
-
-    /// The occluder that the panel at a place is a part of.
-    fn polygon(&self, place: usize) -> u32 {
-        self.occluders.of_surface(self.panels[place].surface)
-    }
-
     /// A panel with each of a range: those in clear view side by side, the others on their own.
     fn one_by_one(&self, i: usize, range: Range<usize>, inherited: Between<'_>, rows: &mut Rows<'_>) {
         let mut list = Vec::new();
@@ -246,10 +199,11 @@ impl Builder<'_> {
             let Some(facing) = Facing::new(&a.patch, &b.patch) else { continue };
             let [on_a, on_b] = facing.polygons();
             let shaft = Shaft::new(on_a, on_b);
-            let between = self.narrowed(&shaft, [self.polygon(i), self.polygon(j)], inherited, &mut list);
+            let between =
+                self.views.narrowed(&shaft, [a, b].map(|panel| self.views.polygon(panel)), inherited, &mut list);
             match between {
                 Between::Nothing => clear |= 1 << (j - range.start),
-                Between::Some(candidates) if self.is_hidden(&shaft, candidates) => {}
+                Between::Some(candidates) if self.views.is_hidden(&shaft, candidates) => {}
                 _ => {
                     let block = self.partial(i, j, &facing, between);
                     rows.put(self, [i, j], &block, false);
@@ -263,25 +217,9 @@ impl Builder<'_> {
         });
     }
 
-    /// Whether one of the candidates covers the whole view.
-    fn is_hidden(&self, shaft: &Shaft, candidates: &[u32]) -> bool {
-        candidates.iter().take(MAX_HIDERS).any(|&k| shaft.fully_blocked_by(self.occluders.polygon(k)))
-    }
-
     fn partial(&self, i: usize, j: usize, facing: &Facing, between: Between<'_>) -> Block {
-        let (a, b) = (self.panels[i], self.panels[j]);
         let [on_i, on_j] = [i, j].map(|place| self.params.strength(self.tree.order[place] as usize));
-        let integrated = |sight| facing_block(a, b, facing, sight, [on_j, on_i], &self.accuracy);
-        match between {
-            Between::Some(candidates) if candidates.len() <= MAX_CLIPPED => {
-                let polygons: Vec<_> = candidates.iter().map(|&k| self.occluders.polygon(k)).collect();
-                integrated(Sight::Behind(&polygons))
-            }
-            _ => {
-                let (blockers, skip) = (self.geometry.blockers, [a.surface, b.surface]);
-                integrated(Sight::Partial(&|x, y| blockers.occluded(x, y, skip)))
-            }
-        }
+        self.views.block([self.panels[i], self.panels[j]], facing, between, [on_j, on_i], &self.accuracy)
     }
 
     /// Pairs that are known to see each other.

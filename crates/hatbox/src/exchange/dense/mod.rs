@@ -8,8 +8,10 @@
 
 mod build;
 mod facts;
+mod views;
 
 pub use facts::RowFacts;
+pub use views::Views;
 
 use super::{Exchange, ExchangeError, Geometry, Params, Statistics};
 use crate::assemble::Panel;

@@ -1,0 +1,1 @@
+"""Hatbox beside other programs: the same work, the same machine, the same session."""

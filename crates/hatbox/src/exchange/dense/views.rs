@@ -1,0 +1,105 @@
+//! What stands between two panels or clusters, and the block of two panels behind it.
+
+use crate::assemble::{Accuracy, Block, Facing, Panel, Sight, facing_block, pair_block};
+use crate::visibility::{Bvh, Occluders, Shaft, ShaftResult, Visibility};
+
+/// More possible blockers than this in a shaft are not listed.
+const MAX_CANDIDATES: usize = 48;
+/// So many of the listed blockers are tried for hiding the whole view.
+const MAX_HIDERS: usize = 8;
+/// More possible blockers than this between two panels are not clipped; rays take their place.
+const MAX_CLIPPED: usize = 16;
+
+/// What may stand in a view.
+#[derive(Clone, Copy)]
+pub(super) enum Between<'a> {
+    /// Nothing, by proof.
+    Nothing,
+    /// These polygons, and no others.
+    Some(&'a [u32]),
+    /// More than are worth listing.
+    Many,
+}
+
+/// The opaque faces of a scene, twice: as few large polygons for proofs and exact shadows, and as they are for rays.
+#[derive(Clone, Copy)]
+pub struct Views<'a> {
+    /// As polygons.
+    pub occluders: &'a Occluders,
+    /// To cast rays at, where there are too many polygons.
+    pub blockers: &'a Bvh,
+}
+
+impl Views<'_> {
+    /// The block S_ab of two panels. `weights` are those of [`pair_block`].
+    pub fn pair_block(&self, panels: [&Panel; 2], weights: [f64; 2], accuracy: &Accuracy) -> Block {
+        let [a, b] = panels;
+        let blocked = || pair_block(a, b, Sight::Blocked, weights, accuracy);
+        let Some(facing) = Facing::new(&a.patch, &b.patch) else { return blocked() };
+        let [on_a, on_b] = facing.polygons();
+        let shaft = Shaft::new(on_a, on_b);
+        let mut list = Vec::new();
+        let between = self.narrowed(&shaft, panels.map(|panel| self.polygon(panel)), Between::Many, &mut list);
+        match between {
+            Between::Some(candidates) if self.is_hidden(&shaft, candidates) => blocked(),
+            _ => self.block(panels, &facing, between, weights, accuracy),
+        }
+    }
+
+    /// The occluder that a panel is a part of.
+    pub(super) fn polygon(&self, panel: &Panel) -> u32 {
+        self.occluders.of_surface(panel.surface)
+    }
+
+    /// What of `inherited` may stand in a shaft, except the polygons of `skip`.
+    pub(super) fn narrowed<'b>(
+        &self,
+        shaft: &Shaft,
+        skip: [u32; 2],
+        inherited: Between<'_>,
+        list: &'b mut Vec<u32>,
+    ) -> Between<'b> {
+        list.clear();
+        match inherited {
+            Between::Nothing => return Between::Nothing,
+            Between::Some(candidates) => {
+                let may_block = |&&k: &&u32| !skip.contains(&k) && shaft.may_block(self.occluders.polygon(k));
+                list.extend(candidates.iter().filter(may_block));
+            }
+            Between::Many => {
+                if self.occluders.candidates(shaft, &skip, list, MAX_CANDIDATES) == ShaftResult::TooMany {
+                    return Between::Many;
+                }
+            }
+        }
+        if list.is_empty() { Between::Nothing } else { Between::Some(list) }
+    }
+
+    /// Whether one of the candidates covers the whole view.
+    pub(super) fn is_hidden(&self, shaft: &Shaft, candidates: &[u32]) -> bool {
+        candidates.iter().take(MAX_HIDERS).any(|&k| shaft.fully_blocked_by(self.occluders.polygon(k)))
+    }
+
+    /// The block of two panels that what is `between` does not hide altogether.
+    pub(super) fn block(
+        &self,
+        [a, b]: [&Panel; 2],
+        facing: &Facing,
+        between: Between<'_>,
+        weights: [f64; 2],
+        accuracy: &Accuracy,
+    ) -> Block {
+        let integrated = |sight| facing_block(a, b, facing, sight, weights, accuracy);
+        match between {
+            Between::Nothing => integrated(Sight::Clear),
+            Between::Some(candidates) if candidates.len() <= MAX_CLIPPED => {
+                let polygons: Vec<_> = candidates.iter().map(|&k| self.occluders.polygon(k)).collect();
+                integrated(Sight::Behind(&polygons))
+            }
+            _ => {
+                let skip = [a.surface, b.surface];
+                integrated(Sight::Partial(&|x, y| self.blockers.occluded(x, y, skip)))
+            }
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! New lamps and new paints on the operator that is there: S holds no material.
+
+#[expect(dead_code, reason = "not every test needs every mesh")]
+mod meshes;
+
+use hatbox::assemble::Accuracy;
+use hatbox::linalg::{LinearOperator, MultiVector};
+use hatbox::mesh::Refinement;
+use hatbox::progress::Silent;
+use hatbox::radiosity::{Options, Solved, System};
+use hatbox::scene::{Material, Physics, Quantity, Scene, SceneError};
+use std::sync::Arc;
+
+/// The unit cube, seen from inside: floor, walls in two materials side by side, and a lamp on the ceiling.
+fn cube(materials: Vec<Material>) -> Scene {
+    let mut mesh = meshes::room(glam::DVec3::ONE, |face| face == 0);
+    for cell in 0..mesh.cells.len() {
+        let patch = mesh.patch(cell);
+        mesh.cells[cell].material = match patch.normal().z {
+            z if z < -0.5 => 2,
+            z if z > 0.5 && cell % 2 == 0 => 1,
+            _ => 0,
+        };
+    }
+    Scene::new(mesh, materials, Physics::Light, None).expect("a valid scene")
+}
+
+fn materials(reflectances: [f64; 3], lamp: f64) -> Vec<Material> {
+    let [a, b, c] = reflectances;
+    let lamp = Material { exitance: Quantity::gray(lamp), ..Material::diffuse("lamp", c) };
+    vec![Material::diffuse("walls", a), Material::diffuse("floor", b), lamp]
+}
+
+fn options() -> Options {
+    Options { refinement: Refinement::Elements(300), tolerance: 1e-4, error_points: 16, ..Options::default() }
+}
+
+fn system(scene: &Scene) -> System {
+    System::build(scene, &options(), &Silent).expect("built")
+}
+
+fn solved(system: &System) -> Solved {
+    system.solved(&options(), &Silent).expect("solved")
+}
+
+/// The greatest difference of two fields, relative to the greatest value.
+fn difference(a: &MultiVector, b: &MultiVector) -> f64 {
+    let greatest = a.as_slice().iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    a.as_slice().iter().zip(b.as_slice()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / greatest
+}
+
+#[test]
+fn light_is_linear_in_the_lamps_and_the_operator_is_shared() {
+    let first = system(&cube(materials([0.5, 0.5, 0.2], 1.0)));
+    let mut second = first.clone();
+    second.set_materials(materials([0.5, 0.5, 0.2], 3.0), options().continuity).expect("the same cells");
+    assert!(Arc::ptr_eq(&first.exchange, &second.exchange));
+    let (mut once, thrice) = (solved(&first).solution.radiosity, solved(&second).solution.radiosity);
+    once.add_scaled(2.0, &once.clone());
+    assert!(difference(&once, &thrice) < 1e-9, "{}", difference(&once, &thrice));
+}
+
+#[test]
+fn a_repainted_scene_is_the_scene_that_was_painted_so_from_the_start() {
+    let paints = materials([0.7, 0.1, 0.0], 2.0);
+    let fresh = solved(&system(&cube(paints.clone())));
+    let first = system(&cube(materials([0.5, 0.5, 0.2], 1.0)));
+    let mut again = first.clone();
+    again.set_materials(paints, options().continuity).expect("the same cells");
+    let again = solved(&again);
+    // Radiosity jumps where the floor is painted in two ways now, so there are more unknowns than before.
+    assert!(first.space.dofs() < again.unknowns);
+    assert_eq!(again.unknowns, fresh.unknowns);
+    let (a, b) = (&fresh.solution, &again.solution);
+    assert!(difference(&a.radiosity, &b.radiosity) < 1e-9, "{}", difference(&a.radiosity, &b.radiosity));
+    assert!(difference(&a.irradiance, &b.irradiance) < 1e-9, "{}", difference(&a.irradiance, &b.irradiance));
+    assert!(again.energy.defect() < 1e-9);
+}
+
+#[test]
+fn new_materials_are_checked_like_the_first() {
+    let mut scene = cube(materials([0.5, 0.5, 0.2], 1.0));
+    let error = scene.set_materials(materials([0.5, 1.5, 0.2], 1.0)).expect_err("it reflects too much");
+    assert!(matches!(error, SceneError::Reflectance { band: 0, .. }), "{error}");
+    let error = scene.set_materials(vec![Material::diffuse("paint", 0.5)]).expect_err("two are missing");
+    assert!(matches!(error, SceneError::Index { what: "material", .. }), "{error}");
+}
+
+#[test]
+fn joined_coefficients_spread_to_the_broken_ones() {
+    let solution = solved(&system(&cube(materials([0.5, 0.5, 0.2], 1.0)))).solution;
+    let joined = solution.coefficients();
+    let continuity = solution.space.continuity().expect("linear functions are joined");
+    assert_eq!(joined.rows(), solution.space.dofs());
+    assert_eq!(continuity.times(&joined), solution.radiosity);
+}
+
+/// The balanced operator differs from the integrals by no more than the row sums missed.
+#[test]
+fn single_blocks_are_those_of_the_operator() {
+    let system = system(&cube(materials([0.5, 0.5, 0.2], 1.0)));
+    let accuracy = Accuracy::new(1e-6, system.scene.mesh.area());
+    let unit = |column: usize| {
+        let mut x = MultiVector::zeros(system.space.broken_dofs(), 1);
+        x.band_mut(0)[column] = 1.0;
+        x
+    };
+    let (i, j) = (0, system.space.cells() - 1);
+    let block = system.pair_block(i, j, &accuracy);
+    assert!(block.sum() > 0.0);
+    for (k, column) in system.space.range(j).enumerate() {
+        let s = system.exchange.times(&unit(column));
+        for (l, row) in system.space.range(i).enumerate() {
+            let (found, exact) = (s.band(0)[row], block.values()[l * system.space.range(j).len() + k]);
+            assert!((found - exact).abs() < 1e-3 * block.sum(), "{found} {exact}");
+        }
+    }
+}

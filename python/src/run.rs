@@ -1,0 +1,115 @@
+//! Long work with the interpreter's lock released: in a pool of as many threads as asked for, watched by the thread that
+//! called, which draws the progress and listens for Ctrl-C.
+
+use crate::quantity::Fault;
+use hatbox::failure::Failure;
+use hatbox::progress::Progress;
+use pyo3::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::collections::HashMap;
+use std::panic::resume_unwind;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, LazyLock, Mutex};
+use std::time::Duration;
+use std::{process, thread};
+
+/// How often the calling thread looks up.
+const TICK: Duration = Duration::from_millis(50);
+
+/// Pools by process and number of threads: a forked process has none of its parent's threads.
+type Pools = HashMap<(u32, usize), Arc<ThreadPool>>;
+
+static POOLS: LazyLock<Mutex<Pools>> = LazyLock::new(Mutex::default);
+
+/// A pool of that many threads; of as many as there are processors by default.
+pub(crate) fn pool(threads: Option<usize>) -> PyResult<Arc<ThreadPool>> {
+    let threads = threads.unwrap_or(0);
+    let mut pools = POOLS.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    if let Some(pool) = pools.get(&(process::id(), threads)) {
+        return Ok(Arc::clone(pool));
+    }
+    let pool = ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
+        crate::error::exception(Failure::with_help(format!("cannot use {threads} threads: {error}"), "ask for fewer"))
+    })?;
+    let pool = Arc::new(pool);
+    pools.insert((process::id(), threads), Arc::clone(&pool));
+    Ok(pool)
+}
+
+/// What the workers tell the watcher, and the watcher them.
+#[derive(Default)]
+struct Watch {
+    stage: Mutex<&'static str>,
+    total: AtomicU64,
+    done: AtomicU64,
+    stop: AtomicBool,
+    fault: Arc<Fault>,
+}
+
+impl Progress for Watch {
+    fn begin(&self, stage: &'static str, total: u64) {
+        if let Ok(mut current) = self.stage.lock() {
+            *current = stage;
+        }
+        self.total.store(total, Ordering::Relaxed);
+        self.done.store(0, Ordering::Relaxed);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.done.fetch_add(steps, Ordering::Relaxed);
+    }
+
+    fn interrupted(&self) -> bool {
+        self.stop.load(Ordering::Relaxed) || self.fault.is_set()
+    }
+}
+
+impl Watch {
+    /// Tells `reporter(stage, done, total)` where the work is.
+    fn report(&self, reporter: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        let Some(reporter) = reporter else { return Ok(()) };
+        let stage = self.stage.lock().map_or("", |stage| *stage);
+        let (done, total) = (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed));
+        if stage.is_empty() { Ok(()) } else { reporter.call1((stage, done, total)).map(drop) }
+    }
+}
+
+/// Does the work. Ctrl-C, and whatever else a signal handler or `reporter` raises, stops it and is raised; so does an
+/// exception of a Python function that a material is given by.
+pub(crate) fn run<T: Send, E: Into<Failure> + Send>(
+    py: Python<'_>,
+    threads: Option<usize>,
+    reporter: Option<&Bound<'_, PyAny>>,
+    fault: &Arc<Fault>,
+    work: impl FnOnce(&dyn Progress) -> Result<T, E> + Send,
+) -> PyResult<T> {
+    let pool = pool(threads)?;
+    let watch = Watch { fault: Arc::clone(fault), ..Watch::default() };
+    let caller = thread::current();
+    let mut raised = None;
+    let result = thread::scope(|scope| {
+        let worker = scope.spawn(|| {
+            let result = pool.install(|| work(&watch));
+            caller.unpark();
+            result
+        });
+        while !worker.is_finished() {
+            py.detach(|| thread::park_timeout(TICK));
+            if raised.is_none() {
+                raised = py.check_signals().and_then(|()| watch.report(reporter)).err();
+                watch.stop.store(raised.is_some(), Ordering::Relaxed);
+            }
+        }
+        worker.join().unwrap_or_else(|panic| resume_unwind(panic))
+    });
+    match raised.or_else(|| fault.take()) {
+        Some(error) => Err(error),
+        None => result.map_err(crate::error::exception),
+    }
+}
+
+/// Short work: nothing to watch.
+pub(crate) fn quickly<T: Send>(py: Python<'_>, threads: Option<usize>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    let pool = pool(threads)?;
+    Ok(py.detach(|| pool.install(work)))
+}
