@@ -1,7 +1,17 @@
 //! View factors against closed forms (numbers of J. R. Howell's catalogue), with and without occluders.
 
+#[path = "factors/catalogue.rs"]
+mod catalogue;
+#[allow(dead_code, reason = "other tests use the rest")]
+mod closed_forms;
 #[path = "factors/closures.rs"]
 mod closures;
+#[allow(dead_code, reason = "other tests use the rest")]
+mod meshes;
+#[allow(dead_code, reason = "other tests use the rest")]
+mod random;
+#[path = "factors/rooms.rs"]
+mod rooms;
 #[path = "factors/view3d.rs"]
 mod view3d;
 
@@ -16,13 +26,24 @@ type Quad = [[f64; 3]; 4];
 
 /// View factors between quads, each an object of an OBJ file with the name of its place: `q0`, `q1`, …
 fn between(quads: &[Quad], options: &Options) -> ViewFactors {
+    let parts: Vec<Part> = quads.iter().map(|quad| vec![quad.to_vec()]).collect();
+    between_parts(&parts, options)
+}
+
+/// Triangles and quads.
+type Part = Vec<Vec<[f64; 3]>>;
+
+/// View factors of objects of several faces.
+fn between_parts(parts: &[Part], options: &Options) -> ViewFactors {
     let mut text = String::new();
-    for (k, quad) in quads.iter().enumerate() {
+    for (k, part) in parts.iter().enumerate() {
         writeln!(text, "o q{k}").expect("a string");
-        for [x, y, z] in quad {
-            writeln!(text, "v {x:?} {y:?} {z:?}").expect("a string");
+        for face in part {
+            for [x, y, z] in face {
+                writeln!(text, "v {x:?} {y:?} {z:?}").expect("a string");
+            }
+            text += if face.len() == 3 { "f -3 -2 -1\n" } else { "f -4 -3 -2 -1\n" };
         }
-        text += "f -4 -3 -2 -1\n";
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("scene.obj");

@@ -71,7 +71,7 @@ struct Chunk {
     len: usize,
     /// The greatest degree that their shape functions use up.
     degree: usize,
-    /// Exactness of the rungs of the ladder.
+    /// The degree up to which each rung is exact on all of them.
     exactness: [usize; LADDER.len()],
     corners: Vec<Vectors>,
     normal: Vectors,
@@ -201,6 +201,10 @@ impl Chunk {
         let lane = self.len;
         self.len += 1;
         self.degree = self.degree.max(panel.functions_degree());
+        // A parallelogram may share a chunk with trapezia, on which rules are exact to a degree less.
+        for (least, &exact) in self.exactness.iter_mut().zip(&panel.exactness) {
+            *least = (*least).min(exact);
+        }
         for (corners, &corner) in self.corners.iter_mut().zip(panel.patch.corners()) {
             corners.set(lane, corner);
         }

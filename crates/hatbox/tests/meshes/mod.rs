@@ -1,5 +1,7 @@
 //! Meshes to test on, as a file might hold them: every face with vertices of its own.
 
+pub(crate) mod rooms;
+
 use glam::DVec3;
 use hatbox::element::Shape;
 use hatbox::mesh::{Cell, Mesh};

@@ -1,0 +1,171 @@
+//! Whether the reported error of partially hidden pairs is one.
+
+use crate::{Outline, Random, kernel, panel};
+use glam::DVec3;
+use hatbox::assemble::{Accuracy, Block, Facing, Panel, Sight, pair_block};
+use hatbox::element::{ALL, Basis, Shape};
+use hatbox::quadrature::sequence::point;
+
+/// Pairs with something in between.
+const PAIRS: usize = 500;
+/// Tolerances of the tried runs, and how much tighter those are that count as the truth.
+const TOLERANCES: [f64; 2] = [1e-2, 1e-3];
+const TIGHTER: f64 = 1e-3;
+/// The part of the pairs whose error may exceed what is reported.
+const FAILURES: f64 = 0.01;
+
+struct Scene {
+    seed: u64,
+    a: Panel,
+    b: Panel,
+    blockers: Vec<Vec<DVec3>>,
+}
+
+impl Scene {
+    fn random(seed: u64, basis: &Basis) -> Option<Self> {
+        let mut random = Random::new(seed);
+        let mut next = |center: DVec3, normal: DVec3| {
+            let outlines: &[Outline] = if basis.quad.is_some() { &Outline::ALL[..2] } else { &Outline::ALL[..1] };
+            let outline = outlines[random.below(outlines.len())];
+            let frame = random.frame(normal);
+            let corners = outline.corners(&mut random).map(|p| center + frame * p);
+            (
+                panel(corners, basis.element(outline.shape()).expect("an element")),
+                random.direction(),
+                random.size(0.6, 4.0),
+            )
+        };
+        let (a, way, distance) = next(DVec3::ZERO, DVec3::Z);
+        let up = (way + DVec3::Z).normalize_or(DVec3::Z);
+        let (b, tilt, _) = next(up * distance, (-up * 1.2 + way.cross(DVec3::X)).normalize());
+        Facing::new(&a.patch, &b.patch)?;
+        let count = 1 + random.below(4);
+        let blockers = (0..count).map(|_| blocker(&a, &b, tilt, &mut random)).collect();
+        Some(Self { seed, a, b, blockers })
+    }
+
+    fn block(&self, tolerance: f64) -> Block {
+        let polygons: Vec<&[DVec3]> = self.blockers.iter().map(Vec::as_slice).collect();
+        // The pair is a part of a room.
+        let accuracy = Accuracy::new(tolerance, 8.0 * (self.a.area() + self.b.area()));
+        pair_block(&self.a, &self.b, Sight::Behind(&polygons), [1.0; 2], &accuracy)
+    }
+
+    /// ∬GV by rays, and its standard error from sixteen sets.
+    fn by_rays(&self) -> [f64; 2] {
+        const SETS: usize = 16;
+        const RAYS: u32 = 2048;
+        let scale = self.a.area() * self.b.area() / f64::from(RAYS);
+        let value = |set: usize| {
+            let rays = (0..RAYS).map(|k| {
+                let [s, t, u, v] = point(self.seed.wrapping_mul(SETS as u64).wrapping_add(set as u64), k);
+                let (x, y) = (self.a.sample(s, t), self.b.sample(u, v));
+                let hidden = self.blockers.iter().any(|polygon| crosses(x, y, polygon));
+                if hidden { 0.0 } else { kernel(x, self.a.normal(), y, self.b.normal()) }
+            });
+            scale * rays.sum::<f64>()
+        };
+        let values: [f64; SETS] = std::array::from_fn(value);
+        let mean = values.iter().sum::<f64>() / SETS as f64;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (SETS - 1) as f64;
+        [mean, (variance / SETS as f64).sqrt()]
+    }
+}
+
+/// A convex polygon that is met by a line from panel to panel: small or large, straight, oblique or grazing, free or with
+/// its foot on or through one of the panels' planes.
+fn blocker(a: &Panel, b: &Panel, tilt: DVec3, random: &mut Random) -> Vec<DVec3> {
+    let [x, y] = [a, b].map(|panel| panel.sample(random.uniform(0.0, 1.0), random.uniform(0.0, 1.0)));
+    let line = (y - x).normalize();
+    let normal = match random.below(4) {
+        0 => line,
+        1 => line.cross(tilt).normalize_or(line),
+        2 => (line.cross(tilt).normalize_or(line) + line * random.size(1e-4, 0.1)).normalize(),
+        _ => random.direction(),
+    };
+    let frame = random.frame(normal);
+    let size = random.size(0.03, 3.0);
+    let corners = 3 + random.below(4);
+    let turn = std::f64::consts::TAU / corners as f64;
+    let flat: Vec<DVec3> = (0..corners)
+        .map(|k| {
+            let (sin, cos) = ((k as f64 + random.uniform(-0.2, 0.2)) * turn).sin_cos();
+            frame * (DVec3::new(cos, sin, 0.0) * size)
+        })
+        .collect();
+    let mut center = x.lerp(y, random.uniform(0.02, 0.98));
+    // Some stand on a panel's plane.
+    let lowest = flat.iter().map(|p| a.normal().dot(*p)).fold(f64::INFINITY, f64::min);
+    if random.below(4) == 0 && a.normal().dot(center - x) + lowest > 0.0 {
+        center -= line * (a.normal().dot(center - x) + lowest) / a.normal().dot(line).max(0.05);
+    }
+    flat.iter().map(|p| center + *p).collect()
+}
+
+/// Whether a segment goes through a convex polygon, by the signs of the volumes with its edges.
+fn crosses(x: DVec3, y: DVec3, polygon: &[DVec3]) -> bool {
+    let normal = (polygon[1] - polygon[0]).cross(polygon[2] - polygon[0]);
+    let (from, to) = (normal.dot(x - polygon[0]), normal.dot(y - polygon[0]));
+    if from * to >= 0.0 {
+        return false;
+    }
+    let volume = |k: usize| (polygon[k] - x).cross(polygon[(k + 1) % polygon.len()] - x).dot(y - x);
+    let positive = (0..polygon.len()).filter(|&k| volume(k) > 0.0).count();
+    positive == 0 || positive == polygon.len()
+}
+
+/// Σ|difference| of the entries, which is what an error of ∬G means for a block.
+fn distance(p: &Block, q: &Block) -> f64 {
+    p.values().iter().zip(q.values()).map(|(p, q)| (p - q).abs()).sum()
+}
+
+/// Checks the pairs of a basis that have something in between.
+fn check(basis: &Basis, pairs: usize, first_seed: u64) {
+    let mut found = 0;
+    let mut failures = [const { Vec::new() }; TOLERANCES.len()];
+    for seed in first_seed.. {
+        let Some(scene) = Scene::random(seed, basis) else { continue };
+        let truth = scene.block(TOLERANCES[1] * TIGHTER);
+        let clear = pair_block(&scene.a, &scene.b, Sight::Clear, [1.0; 2], &Accuracy::new(1e-6, 1e3)).sum();
+        if truth.sum() > 0.9999 * clear && seed % 8 != 0 {
+            continue;
+        }
+        found += 1;
+        if found % 10 == 0 {
+            let [mean, deviation] = scene.by_rays();
+            let difference = (truth.sum() - mean).abs();
+            let allowed = 5.0 * deviation + truth.quadrature_error + 1e-3 * clear;
+            assert!(difference <= allowed, "{seed}: {} by rays {mean} ± {deviation}", truth.sum());
+        }
+        for (tolerance, failures) in TOLERANCES.into_iter().zip(&mut failures) {
+            let coarse = scene.block(tolerance);
+            let (error, reported) = (distance(&coarse, &truth), coarse.quadrature_error + coarse.visibility_error);
+            if error > reported + 1e-12 * clear {
+                failures
+                    .push(format!("{seed}: {error:.2e} > {reported:.2e} of {:.4e}, clear {clear:.4e}", truth.sum()));
+            }
+        }
+        if found == pairs {
+            break;
+        }
+    }
+    for (tolerance, failures) in TOLERANCES.into_iter().zip(failures) {
+        for failure in &failures {
+            println!("{} {tolerance:e}: {failure}", basis.name);
+        }
+        let rate = failures.len() as f64 / pairs as f64;
+        println!("{} {tolerance:e}: {rate}", basis.name);
+        assert!(rate <= FAILURES, "{} at {tolerance:e}: {} of {pairs} exceed the estimate", basis.name, failures.len());
+    }
+}
+
+#[test]
+fn the_error_of_hidden_pairs_of_constants_is_within_the_estimate() {
+    check(&ALL[0], PAIRS, 0);
+}
+
+#[test]
+fn the_error_of_hidden_pairs_of_linear_functions_is_within_the_estimate() {
+    assert!(ALL[1].element(Shape::Triangle).is_some_and(|element| element.degree == 1));
+    check(&ALL[1], PAIRS, 1_000_000);
+}
