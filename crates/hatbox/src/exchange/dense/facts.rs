@@ -58,6 +58,7 @@ impl Dense {
 }
 
 /// The greater of two numbers; no number if one of them is none.
+#[expect(clippy::inline_always, reason = "it must become one instruction in the loops that call it")]
 #[inline(always)]
 fn greater(a: f64, b: f64) -> f64 {
     if b <= a { a } else { b }
