@@ -1,5 +1,6 @@
 //! Meshes to test on, as a file might hold them: every face with vertices of its own.
 
+#[allow(dead_code, reason = "not every test is about rooms")]
 pub(crate) mod rooms;
 
 use glam::DVec3;
