@@ -153,6 +153,29 @@ fn the_rows_of_a_closed_cube_sum_to_one() {
 }
 
 #[test]
+fn parallel_planes_far_from_the_origin_stay_apart() {
+    let shelves = [level([0., 1.], [0., 1.], 0.3, true), level([0., 1.], [0., 1.], 0.6, false)];
+    let scene = |shift: [f64; 3]| -> Vec<Quad> {
+        let moved = |quad: Quad| quad.map(|corner| [0, 1, 2].map(|axis| corner[axis] + shift[axis]));
+        cube().into_iter().take(2).chain(shelves).map(moved).collect()
+    };
+    let options =
+        Options { tolerance: 1e-4, refinement: Refinement::Elements(200), between: Between::Groups, ..exactly() };
+    let here = between(&scene([0.0; 3]), &options);
+    for shift in [[5e5, 5e6, 0.0], [0.0, 0.0, 1e7]] {
+        let there = between(&scene(shift), &options);
+        for (i, j) in (0..here.len()).flat_map(|i| (0..here.len()).map(move |j| (i, j))) {
+            assert!(
+                (here.get(i, j) - there.get(i, j)).abs() < 1e-6,
+                "{shift:?}: {} {}",
+                here.get(i, j),
+                there.get(i, j)
+            );
+        }
+    }
+}
+
+#[test]
 fn groups_of_elements_have_the_factors_of_the_whole() {
     let options = Options { refinement: Refinement::Elements(200), between: Between::Groups, ..exactly() };
     let (whole, grouped) = (between(&cube(), &exactly()), between(&cube(), &options));

@@ -107,26 +107,39 @@ impl Tree {
 
 /// Groups of coplanar panels that look the same way, and the rest in one group; whether each is a plane's.
 fn groups(panels: &[Panel]) -> Vec<(Vec<u32>, bool)> {
-    let size = panels.iter().map(|p| p.center.abs().max_element()).fold(f64::MIN_POSITIVE, f64::max);
+    // Distances from the middle of the scene, so that it may lie anywhere.
+    let lo = panels.iter().map(|panel| panel.center).fold(DVec3::INFINITY, DVec3::min);
+    let hi = panels.iter().map(|panel| panel.center).fold(DVec3::NEG_INFINITY, DVec3::max);
+    let (middle, size) = (lo.midpoint(hi), lo.distance(hi).max(f64::MIN_POSITIVE));
     let mut number = HashMap::new();
     let mut planes: Vec<Vec<u32>> = Vec::new();
     for (index, panel) in panels.iter().enumerate() {
         let n = panel.normal();
         let round = |x: f64| (x * STEPS).round() as i64;
-        let key = [round(n.x), round(n.y), round(n.z), round(n.dot(panel.center) / size)];
+        let key = [round(n.x), round(n.y), round(n.z), round(n.dot(panel.center - middle) / size)];
         let group = *number.entry(key).or_insert(planes.len());
         if group == planes.len() {
             planes.push(Vec::new());
         }
         planes[group].push(index as u32);
     }
-    let (flat, single): (Vec<_>, Vec<_>) = planes.into_iter().partition(|group| group.len() >= FEWEST);
+    let (flat, single): (Vec<_>, Vec<_>) =
+        planes.into_iter().partition(|group| group.len() >= FEWEST && lies_in_one_plane(panels, group));
     let rest: Vec<u32> = single.into_iter().flatten().collect();
     let mut groups: Vec<_> = flat.into_iter().map(|group| (group, true)).collect();
     if !rest.is_empty() {
         groups.push((rest, false));
     }
     groups
+}
+
+/// Whether all corners lie in the plane of the first panel, as far as any of the panels is concerned.
+fn lies_in_one_plane(panels: &[Panel], group: &[u32]) -> bool {
+    let members = || group.iter().map(|&k| &panels[k as usize]);
+    let shortest = members().map(Panel::longest_edge).fold(f64::INFINITY, f64::min);
+    let first = &panels[group[0] as usize];
+    let height = |corner: &DVec3| first.normal().dot(*corner - first.patch.corners()[0]).abs();
+    members().flat_map(|panel| panel.patch.corners()).all(|corner| height(corner) <= FLAT * shortest)
 }
 
 /// Sorts the members along the longest side of the box around their centres and returns where to divide them: at a

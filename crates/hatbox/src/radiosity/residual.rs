@@ -4,7 +4,7 @@
 //! apart:
 //!
 //! - ‖r‖ from irradiance gathered afresh, with its own quadrature and its own rays, at points drawn where the indicators
-//!   see error (half of them) and all over the surfaces (the other half). Visibility, quadrature, discretisation and the
+//!   see error, where the error is asked of, and all over the surfaces (a third of them each). Visibility, quadrature, discretisation and the
 //!   solver are all in it. Each point has two independent gathers whose residuals are *multiplied*, so that the noise of
 //!   the rays does not pass for an error of the solution. To the mean one standard error is added.
 //! - p = R K (r + p) is what the residual causes elsewhere. Galerkin's residual is orthogonal to the space, and K
@@ -245,7 +245,8 @@ impl<'a> Measure<'a> {
         let bands = (0..self.solution.bands()).map(of).collect();
         // Reference coordinates are uniform; on a quad that is no parallelogram the points are not.
         let stretch = patch.jacobian(at) * patch.shape().reference_area() / patch.area();
-        Sample { cell, area: stretch / (points * self.density[cell]), bands }
+        let total = self.ends.last().copied().unwrap_or(1.0);
+        Sample { cell, area: stretch * total / (points * self.density[cell]), bands }
     }
 
     /// The irradiance at a point, twice and independently: by the operator if it can, else gathered from all panels.

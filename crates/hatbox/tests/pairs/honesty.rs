@@ -160,11 +160,13 @@ fn check(basis: &Basis, pairs: usize, first_seed: u64) {
 }
 
 #[test]
+#[ignore = "takes minutes: cargo test --release -p hatbox --test pairs -- --ignored"]
 fn the_error_of_hidden_pairs_of_constants_is_within_the_estimate() {
     check(&ALL[0], PAIRS, 0);
 }
 
 #[test]
+#[ignore = "takes minutes: cargo test --release -p hatbox --test pairs -- --ignored"]
 fn the_error_of_hidden_pairs_of_linear_functions_is_within_the_estimate() {
     assert!(ALL[1].element(Shape::Triangle).is_some_and(|element| element.degree == 1));
     check(&ALL[1], PAIRS, 1_000_000);

@@ -34,8 +34,10 @@ const EDGE: f64 = 1e-10;
 /// Pieces narrower than this fraction of the source are cracks between blockers, whose corners files round to single
 /// precision: a room that is walled up stays dark.
 const CRACK: f64 = 1e-7;
-/// Pieces of a source at the most; what is hidden of further ones counts as visible.
+/// Pieces of a source at the most; a pair that takes more is sampled with rays.
 const MAX_PIECES: usize = 64;
+/// Parts of the receiver at the most; what they leave is in the error.
+const MAX_PARTS: usize = 256;
 /// Blockers closer to a point's line of sight than this, relative to their distance, are seen edge-on.
 const EDGE_ON: f64 = 1e-12;
 
@@ -59,18 +61,20 @@ pub(super) fn block(
         |panel: &Panel| blockers.iter().map(|polygon| remoteness(panel, polygon)).fold(f64::INFINITY, f64::min);
     let closed = [a, b].map(|panel| panel.functions.is_some());
     let a_outside = closed[1] && (!closed[0] || distance(a) >= distance(b));
-    if a_outside {
-        Shadow { receiver: a, on: &facing.first, source: b, from: &facing.second, blockers, affected: Cell::new(false) }
-            .block(weights, accuracy)
+    let [first, second] = [&facing.first, &facing.second];
+    let clipped = if a_outside {
+        Shadow::new(a, first, b, second, &blockers).block(weights, accuracy)
     } else if closed[0] {
-        Shadow { receiver: b, on: &facing.second, source: a, from: &facing.first, blockers, affected: Cell::new(false) }
-            .block([weights[1], weights[0]], accuracy)
-            .transposed()
+        let reversed = [weights[1], weights[0]];
+        Shadow::new(b, second, a, first, &blockers).block(reversed, accuracy).map(|block| block.transposed())
     } else {
+        None
+    };
+    clipped.unwrap_or_else(|| {
         let hides = |x: DVec3, y: DVec3| blockers.iter().any(|polygon| crosses(x, y, polygon));
         let block = super::unoccluded(a, b, facing, accuracy);
         sampled::Sampling { a, b, facing, weights, accuracy }.visible_part(&block, &hides)
-    }
+    })
 }
 
 /// A receiver, a source, and what hides parts of it.
@@ -79,23 +83,36 @@ struct Shadow<'a> {
     on: &'a Region,
     source: &'a Panel,
     from: &'a Region,
-    blockers: Vec<Polygon>,
-    /// Whether a point of the receiver has missed any of the source.
-    affected: Cell<bool>,
+    blockers: &'a [Polygon],
+    /// Bit k: a point of the receiver has missed some of the source because of blocker k.
+    affected: Cell<u32>,
+    /// The source has come to too many pieces.
+    overflowed: Cell<bool>,
 }
 
-impl Shadow<'_> {
-    fn block(&self, weights: [f64; 2], accuracy: &Accuracy) -> Block {
+impl<'a> Shadow<'a> {
+    fn new(receiver: &'a Panel, on: &'a Region, source: &'a Panel, from: &'a Region, blockers: &'a [Polygon]) -> Self {
+        let (affected, overflowed) = (Cell::new(0), Cell::new(false));
+        Self { receiver, on, source, from, blockers, affected, overflowed }
+    }
+
+    /// `None` if the source comes to too many pieces.
+    fn block(&self, weights: [f64; 2], accuracy: &Accuracy) -> Option<Block> {
         let area = (self.receiver.area() / weights[0]).min(self.source.area() / weights[1]);
         let least = (self.receiver.area() * self.source.area() / accuracy.total_area).min(area);
         let budget = |sum: f64| SHARE * accuracy.tolerance * (sum.clamp(least, area) * area).sqrt();
         let at = |x: DVec3| self.irradiance(x);
-        let outer = Outer { panel: self.receiver, source: self.source, at: &at, degrees: &OUTER, guard: GUARD };
+        let outer = Outer {
+            panel: self.receiver,
+            source: self.source,
+            at: &at,
+            degrees: &OUTER,
+            guard: GUARD,
+            most: MAX_PARTS,
+        };
         let mut block = outer.integrate(self.on, &budget);
-        if !self.affected.get() && !self.blockers.is_empty() {
-            block.quadrature_error += self.undiscovered(block.sum());
-        }
-        block
+        block.quadrature_error += self.undiscovered(block.sum());
+        (!self.overflowed.get()).then_some(block)
     }
 
     /// ∫N_k G V over the source at a point of the receiver.
@@ -103,11 +120,17 @@ impl Shadow<'_> {
         let whole: Polygon = self.from.corners().iter().copied().collect();
         let mut pieces = vec![whole];
         let mut hidden = false;
-        for blocker in &self.blockers {
-            hidden |= remove_cone(&mut pieces, x, blocker);
+        if self.overflowed.get() {
+            return [0.0; MAX_DOFS];
         }
-        if hidden {
-            self.affected.set(true);
+        for (k, blocker) in self.blockers.iter().enumerate() {
+            if remove_cone(&mut pieces, x, blocker) {
+                hidden = true;
+                self.affected.set(self.affected.get() | 1_u32.checked_shl(k as u32).unwrap_or(0));
+            }
+        }
+        if pieces.len() > MAX_PIECES {
+            self.overflowed.set(true);
         }
         let mut sum = [0.0; MAX_DOFS];
         for piece in pieces.iter().filter(|piece| !hidden || width(piece) > CRACK * self.source.radius) {
@@ -122,8 +145,13 @@ impl Shadow<'_> {
     /// The views from the corners of the receiver cover the shaft where it is nearer to the source, measured by the sizes
     /// of both: what stands there is seen. What stands nearer to the receiver may hide between the views.
     fn undiscovered(&self, sum: f64) -> f64 {
-        let hidden = |polygon: &&Polygon| remoteness(self.receiver, polygon) < remoteness(self.source, polygon);
-        let through = self.blockers.iter().filter(hidden).map(|polygon| self.through(polygon)).sum::<f64>();
+        let unseen = |k: usize| self.affected.get() >> k & 1 == 0;
+        let hidden = |polygon: &Polygon| remoteness(self.receiver, polygon) < remoteness(self.source, polygon);
+        let blockers = self.blockers.iter().enumerate();
+        let through: f64 = blockers
+            .filter(|&(k, polygon)| unseen(k) && hidden(polygon))
+            .map(|(_, polygon)| self.through(polygon))
+            .sum();
         through.min(sum / (OUTER_POINTS + 2.0))
     }
 
@@ -182,7 +210,7 @@ fn remove_cone(pieces: &mut Vec<Polygon>, x: DVec3, blocker: &Polygon) -> bool {
     let mut end = pieces.len();
     while k < end {
         let missed = |side: &DVec3| pieces[k].iter().all(|&y| side.dot(y - x) <= 0.0);
-        if sides.iter().any(missed) || pieces.len() + sides.len() > MAX_PIECES {
+        if sides.iter().any(missed) || pieces.len() > MAX_PIECES {
             k += 1;
             continue;
         }

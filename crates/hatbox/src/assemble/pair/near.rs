@@ -28,11 +28,18 @@ pub(super) fn block(a: &Panel, on_a: &Region, b: &Panel, on_b: &Region, accuracy
     let b_inside = b.functions.is_some() && (a.functions.is_none() || a.area() <= b.area());
     if b_inside {
         let inner = Inner::new(b, on_b.corners());
-        Outer { panel: a, source: b, at: &|x| inner.at(x, a.normal()), degrees: &OUTER, guard: 0.0 }
+        Outer { panel: a, source: b, at: &|x| inner.at(x, a.normal()), degrees: &OUTER, guard: 0.0, most: MAX_PIECES }
             .integrate(on_a, &budget)
     } else if a.functions.is_some() {
         let inner = Inner::new(a, on_a.corners());
-        let outer = Outer { panel: b, source: a, at: &|x| inner.at(x, b.normal()), degrees: &OUTER, guard: 0.0 };
+        let outer = Outer {
+            panel: b,
+            source: a,
+            at: &|x| inner.at(x, b.normal()),
+            degrees: &OUTER,
+            guard: 0.0,
+            most: MAX_PIECES,
+        };
         outer.integrate(on_b, &budget).transposed()
     } else {
         subdivided(a, on_a, b, on_b, accuracy)
@@ -80,6 +87,8 @@ pub(super) struct Outer<'a> {
     /// How much of the difference from the mean of the corners counts as an error, for functions that may be zero at all
     /// nodes of a rule and yet not zero.
     pub(super) guard: f64,
+    /// Pieces of the receiver at the most.
+    pub(super) most: usize,
 }
 
 /// A triangle or a parallelogram of the outer panel: origin + ξ u + η v for ξ, η of the reference cell.
@@ -141,7 +150,7 @@ impl Outer<'_> {
                 total.accumulate(&piece.block);
             }
             let budget = budget(total.sum());
-            if total.quadrature_error <= budget || pieces.len() >= MAX_PIECES {
+            if total.quadrature_error <= budget || pieces.len() >= self.most {
                 return total;
             }
             // Every piece with more than its share of the budget is split in this round.
