@@ -49,6 +49,7 @@
 
 mod build;
 mod bvh;
+mod closest;
 mod exact;
 mod lanes;
 mod leaf;

@@ -61,7 +61,10 @@ pub(super) fn block(
             .block([weights[1], weights[0]], accuracy)
             .transposed()
     } else {
-        let hides = |x: DVec3, y: DVec3| blockers.iter().any(|polygon| crosses(x, y, polygon));
+        let hides = |x: &[DVec3], y: &[DVec3]| {
+            let hidden = |k: usize| blockers.iter().any(|polygon| crosses(x[k], y[k], polygon));
+            (0..x.len()).map(|k| u32::from(hidden(k)) << k).sum()
+        };
         let block = super::unoccluded(a, b, facing, accuracy);
         sampled::Sampling { a, b, facing, weights, accuracy }.visible_part(&block, &hides)
     }

@@ -275,7 +275,7 @@ impl Builder<'_> {
             }
             _ => {
                 let (blockers, skip) = (self.geometry.blockers, [a.surface, b.surface]);
-                integrated(Sight::Partial(&|x, y| blockers.occluded(x, y, skip)))
+                integrated(Sight::Partial(&|x, y| blockers.occluded_packet(x, y, skip)))
             }
         }
     }
