@@ -1,8 +1,9 @@
 //! Builds the tree: binned surface-area heuristic, eight children at a time.
 //!
 //! Children are split on until there are eight, the one of the greatest surface first, so no binary tree is ever made.
-//! Each split reads its items twice: once for the bins, once to divide them, and then the boxes of both halves are
-//! known. Subtrees are built and written in parallel and are the same for any number of threads, since each depends on
+//! Each split reads its items for the bins, which know the boxes of both halves, and to divide them, without branches:
+//! the sides cannot be guessed, and with a branch the spheres of 1.5 million triangles took a fifth longer (together with
+//! more bins for few items, which did not make better trees). Subtrees are built and written in parallel and are the same for any number of threads, since each depends on
 //! its own triangles only.
 
 use super::exact::Triangle;
