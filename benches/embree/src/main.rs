@@ -260,16 +260,18 @@ fn main() -> Result<(), Box<dyn Error>> {
         ("spheres-1.5M", || scenes::spheres(46)),
         ("soup-1.5M", || scenes::soup(1_500_000, 0.01)),
     ];
-    for (name, make) in all {
-        if !names.is_empty() && !names.iter().any(|wanted| wanted == name) {
-            continue;
+    let wanted = |name: &str| names.is_empty() || names.iter().any(|wanted| wanted == name);
+    let counts = if quick { 1..2 } else { 1..3 };
+    // Embree's devices share their threads, as many as the greatest has: so what is on one thread comes first.
+    for threads in counts.clone() {
+        for (name, make) in all.iter().filter(|(name, _)| wanted(name)) {
+            build(&path, name, &make(), threads)?;
         }
+    }
+    for (name, make) in all.into_iter().filter(|(name, _)| wanted(name)) {
         let triangles = make();
-        for threads in if quick { 1..2 } else { 1..3 } {
-            build(&path, name, &triangles, threads)?;
-        }
         let ring = ring(&path, name, &triangles)?;
-        for threads in if quick { 1..2 } else { 1..3 } {
+        for threads in counts.clone() {
             ring.single(threads);
             ring.batches(threads);
         }

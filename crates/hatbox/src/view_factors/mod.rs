@@ -312,7 +312,7 @@ impl Source<'_> {
         let error = |(i, j): (usize, usize)| {
             let (a, b) = (&panels[i.max(j)], &panels[i.min(j)]);
             let skip = [a.surface, b.surface];
-            let hides = |x, y| blockers.occluded(x, y, skip);
+            let hides = |x: &[_], y: &[_]| blockers.occluded_packet(x, y, skip);
             let reversed = pair_block(a, b, Sight::Partial(&hides), [1.0; 2], &self.accuracy).sum();
             let known = dense.exchange_area(i, j);
             (known - reversed).abs() / known.max(a.area() * b.area() / self.accuracy.total_area)

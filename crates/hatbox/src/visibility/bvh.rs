@@ -1,7 +1,7 @@
 use super::Visibility;
 use super::build::{DEPTH, Item, WIDTH, build, range};
-use super::exact::{self, Crossing, Ray, Triangle};
-use super::lanes::{Lanes, Portable, Vector};
+use super::exact::{self, Ray, Triangle};
+use super::lanes::{Lanes, Portable};
 use super::leaf::{Leaf, Probe};
 use super::node::{Frame, LEAF_BIT, Local, Node, Slabs};
 use super::packet::Segments;
@@ -231,7 +231,7 @@ impl Bvh {
         let ray = Ray::open(origin, direction, t_max)?;
         let Ok(local) = Local::new(self.frame, origin, direction, exact::guard(origin, origin)) else {
             let mut best = None;
-            self.triangles.iter().for_each(|triangle| closer(&ray, triangle, &accept, &mut best));
+            self.triangles.iter().for_each(|triangle| ray.closer(triangle, &accept, &mut best));
             return best;
         };
         dispatch!(self, closest, closest_avx2, closest_avx2, &ray, &local, t_max, &accept)
@@ -290,20 +290,45 @@ impl Bvh {
         while pending > 0 {
             pending -= 1;
             let node = &self.nodes[stack[pending] as usize];
-            let (mut mask, _) = node.slabs(lanes, &slabs);
-            while mask != 0 {
-                let child = node.child[mask.trailing_zeros() as usize];
-                mask &= mask - 1;
-                if child & LEAF_BIT == 0 {
-                    lanes.prefetch(&self.nodes[child as usize]);
-                    stack[pending] = child;
-                    pending += 1;
-                } else if self.blocks(lanes, &self.leaves[(child ^ LEAF_BIT) as usize], &probe, segments) {
+            let (mask, _) = node.slabs(lanes, &slabs);
+            pending = self.push(lanes, node, mask, &mut stack, pending);
+            let mut leaves = mask & node.leaves;
+            while leaves != 0 {
+                let child = node.child[leaves.trailing_zeros() as usize];
+                leaves &= leaves - 1;
+                if self.blocks(lanes, &self.leaves[(child ^ LEAF_BIT) as usize], &probe, segments) {
                     return true;
                 }
             }
         }
         false
+    }
+
+    /// Asks for the memory of the children in `mask` and puts those that are nodes on the stack.
+    #[inline(always)]
+    pub(super) fn push<L: Lanes>(
+        &self,
+        lanes: L,
+        node: &Node,
+        mask: u32,
+        stack: &mut [u32; STACK],
+        mut pending: usize,
+    ) -> usize {
+        let mut leaves = mask & node.leaves;
+        while leaves != 0 {
+            let child = node.child[leaves.trailing_zeros() as usize];
+            leaves &= leaves - 1;
+            lanes.prefetch(&self.leaves[(child ^ LEAF_BIT) as usize]);
+        }
+        let mut inner = mask & !node.leaves;
+        while inner != 0 {
+            let child = node.child[inner.trailing_zeros() as usize];
+            inner &= inner - 1;
+            lanes.prefetch(&self.nodes[child as usize]);
+            stack[pending] = child;
+            pending += 1;
+        }
+        pending
     }
 
     /// Whether a triangle of a leaf blocks the one segment.
@@ -329,76 +354,6 @@ impl Bvh {
     fn surely_blocks(&self, triangle: usize, segments: &Segments) -> bool {
         Ray::segment(segments.from[0], segments.to[0])
             .is_some_and(|ray| ray.blocked_by(&self.triangles[triangle], segments.skip))
-    }
-
-    /// The first acceptable crossing: near children first, far ones dropped once something nearer is hit.
-    #[inline(always)]
-    fn closest<L: Lanes>(
-        &self,
-        lanes: L,
-        ray: &Ray,
-        local: &Local,
-        t_max: f64,
-        accept: &impl Fn(u32, bool) -> bool,
-    ) -> Option<Hit> {
-        let mut best = None;
-        let (mut slabs, mut probe) = (Slabs::new(local, t_max), Probe::new(local, t_max));
-        let mut stack = [(0.0_f32, 0_u32); STACK];
-        let mut pending = usize::from(!self.nodes.is_empty());
-        while pending > 0 {
-            pending -= 1;
-            let (enter, node) = stack[pending];
-            if enter > slabs.end {
-                continue;
-            }
-            let node = &self.nodes[node as usize];
-            let (mut mask, enters) = node.slabs(lanes, &slabs);
-            let enters = enters.to_array();
-            let first = pending;
-            while mask != 0 {
-                let lane = mask.trailing_zeros() as usize;
-                mask &= mask - 1;
-                let child = node.child[lane];
-                if child & LEAF_BIT == 0 {
-                    lanes.prefetch(&self.nodes[child as usize]);
-                    stack[pending] = (enters[lane], child);
-                    pending += 1;
-                    sink(&mut stack[first..pending]);
-                } else if enters[lane] <= slabs.end {
-                    let leaf = &self.leaves[(child ^ LEAF_BIT) as usize];
-                    if self.closer_in(lanes, leaf, &probe, ray, accept, &mut best)
-                        && let Some(hit) = best
-                    {
-                        let length = local.length_to(hit.t);
-                        slabs.stop_at(length);
-                        probe.stop_at(length);
-                    }
-                }
-            }
-        }
-        best
-    }
-
-    /// Replaces `best` by a nearer acceptable crossing of a leaf's triangles; returns whether there may be one.
-    #[inline(always)]
-    fn closer_in<L: Lanes>(
-        &self,
-        lanes: L,
-        leaf: &Leaf,
-        probe: &Probe,
-        ray: &Ray,
-        accept: &impl Fn(u32, bool) -> bool,
-        best: &mut Option<Hit>,
-    ) -> bool {
-        let verdict = probe.judge(lanes, leaf);
-        let mut found = verdict.sure | verdict.doubtful;
-        let any = found != 0;
-        while found != 0 {
-            let lane = found.trailing_zeros() as usize;
-            found &= found - 1;
-            closer(ray, &self.triangles[leaf.first as usize + lane], accept, best);
-        }
-        any
     }
 }
 
@@ -428,17 +383,5 @@ pub(super) fn sink(stack: &mut [(f32, u32)]) {
     while k > 0 && stack[k - 1].0 < stack[k].0 {
         stack.swap(k - 1, k);
         k -= 1;
-    }
-}
-
-/// Replaces `best` by an acceptable crossing of a triangle that is nearer.
-#[inline(always)]
-fn closer(ray: &Ray, triangle: &Triangle, accept: &impl Fn(u32, bool) -> bool, best: &mut Option<Hit>) {
-    let Some(Crossing { edges, sum, t }) = ray.cross(triangle) else { return };
-    let nearer = best.is_none_or(|best| (t, triangle.index) < (best.t, best.triangle));
-    let front = ray.sees_front(sum);
-    if nearer && ray.counts(triangle, t) && accept(triangle.id, front) {
-        let barycentric = [edges[1] / sum, edges[2] / sum];
-        *best = Some(Hit { t, triangle: triangle.index, id: triangle.id, front, barycentric });
     }
 }

@@ -13,6 +13,7 @@ pub(super) trait Vector<const N: usize>: Copy {
     fn add(self, other: Self) -> Self;
     fn sub(self, other: Self) -> Self;
     fn mul(self, other: Self) -> Self;
+    fn div(self, other: Self) -> Self;
     /// self · b − c, rounded once or twice.
     fn mul_sub(self, b: Self, c: Self) -> Self;
     /// c − self · b, rounded once or twice.
@@ -79,6 +80,10 @@ impl<const N: usize> Vector<N> for Array<N> {
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
         self.zip(other, |x, y| x * y)
+    }
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self.zip(other, |x, y| x / y)
     }
     #[inline(always)]
     fn mul_sub(self, b: Self, c: Self) -> Self {

@@ -80,6 +80,17 @@ pub(super) struct Verdict {
     pub(super) doubtful: u32,
 }
 
+/// [`Verdict`], and for triangles surely crossed, where and from which side.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Located {
+    pub(super) verdict: Verdict,
+    /// The crossing lies between these lengths along the ray.
+    pub(super) from: [f32; LEAF],
+    pub(super) to: [f32; LEAF],
+    /// Where the front is seen, as bits.
+    pub(super) front: u32,
+}
+
 /// Bounds of the errors, and what depends on the rays only.
 #[derive(Debug, Clone, Copy)]
 struct Errors {
@@ -111,10 +122,32 @@ struct Sheared<V> {
     z: [V; 3],
 }
 
+/// What is known of lines that cross triangles or nearly do.
+struct Depths<V> {
+    /// Twice the area, signed.
+    sum: V,
+    /// The crossing's depth times that, and the bound of its error.
+    depth: V,
+    margin: V,
+}
+
 impl<V> Sheared<V> {
     /// Sorts triangles by their edge functions; `end` is how far the ray goes along z, in which direction it may.
     #[inline(always)]
     fn judge<const N: usize>(&self, end: V, extent: f32, errors: &Errors) -> Verdict
+    where
+        V: Vector<N>,
+    {
+        let (edges, least, most, kept) = self.edges(end, extent, errors);
+        if kept == 0 {
+            return Verdict { sure: 0, doubtful: 0 };
+        }
+        self.judge_depth(end, [least, most], edges, extent, errors, kept).0
+    }
+
+    /// Edge functions, the least and the greatest of each triangle's, and the triangles that are not surely missed.
+    #[inline(always)]
+    fn edges<const N: usize>(&self, end: V, extent: f32, errors: &Errors) -> ([V; 3], V, V, u32)
     where
         V: Vector<N>,
     {
@@ -128,10 +161,7 @@ impl<V> Sheared<V> {
         let least = edges[0].min(edges[1]).min(edges[2]);
         let most = edges[0].max(edges[1]).max(edges[2]);
         let kept = end.like(-bound).at_most(least) | most.at_most(end.like(bound));
-        if kept == 0 {
-            return Verdict { sure: 0, doubtful: 0 };
-        }
-        self.judge_depth(end, [least, most], edges, extent, errors, kept)
+        (edges, least, most, kept)
     }
 
     /// The second half, where lines cross or nearly.
@@ -144,7 +174,7 @@ impl<V> Sheared<V> {
         extent: f32,
         errors: &Errors,
         kept: u32,
-    ) -> Verdict
+    ) -> (Verdict, Depths<V>)
     where
         V: Vector<N>,
     {
@@ -166,7 +196,7 @@ impl<V> Sheared<V> {
         let (tip, slack) = (half.abs().add(end.like(errors.corner)), end.like(0.0));
         let beyond = tip.at_most(near.sub(half)) | far.sub(half).at_most(slack.sub(tip));
         let sure = kept & inside & between;
-        Verdict { sure, doubtful: kept & !sure & !outside & !beyond }
+        (Verdict { sure, doubtful: kept & !sure & !outside & !beyond }, Depths { sum, depth, margin })
     }
 }
 
@@ -179,7 +209,7 @@ pub(super) struct Probe {
     /// Depth of the end.
     end: f32,
     /// 1 or −1: the direction along the last axis.
-    forward: f64,
+    forward: f32,
     errors: Errors,
 }
 
@@ -193,20 +223,52 @@ impl Probe {
             start: [o[0] as f32, o[1] as f32, o[2] as f32],
             shear: [(d[0] * d[2]) as f32, (d[1] * d[2]) as f32],
             end: (d[2] * ray.length_to(end)) as f32,
-            forward: d[2],
+            forward: d[2] as f32,
             errors: Errors::new(ray.reach, ray.guard, 1.0),
         }
     }
 
+    /// How far the ray goes.
+    #[inline(always)]
+    pub(super) fn length(&self) -> f32 {
+        self.forward * self.end
+    }
+
     /// Shortens the ray to a length.
     #[inline(always)]
-    pub(super) fn stop_at(&mut self, length: f64) {
-        self.end = (self.forward * length) as f32;
+    pub(super) fn stop_at(&mut self, length: f32) {
+        self.end = self.forward * length;
     }
 
     /// A bit for each triangle.
     #[inline(always)]
     pub(super) fn judge<L: Lanes>(&self, lanes: L, leaf: &Leaf) -> Verdict {
+        self.sheared(lanes, leaf).judge(lanes.leaf_splat(self.end), leaf.extent, &self.errors)
+    }
+
+    /// As [`Self::judge`], and where those surely crossed are; `None` if none is met.
+    #[inline(always)]
+    pub(super) fn locate<L: Lanes>(&self, lanes: L, leaf: &Leaf) -> Option<Located> {
+        let sheared = self.sheared(lanes, leaf);
+        let end = lanes.leaf_splat(self.end);
+        let (edges, least, most, kept) = sheared.edges(end, leaf.extent, &self.errors);
+        if kept == 0 {
+            return None;
+        }
+        let (verdict, depths) = sheared.judge_depth(end, [least, most], edges, leaf.extent, &self.errors, kept);
+        if verdict.sure | verdict.doubtful == 0 {
+            return None;
+        }
+        let forward = lanes.leaf_splat(self.forward);
+        let middle = depths.depth.mul(forward).div(depths.sum);
+        let error = depths.margin.div(depths.sum.abs());
+        let turned = lanes.leaf_splat(0.0).at_most(depths.sum.mul(forward));
+        Some(Located { verdict, from: middle.sub(error).to_array(), to: middle.add(error).to_array(), front: turned })
+    }
+
+    /// The corners of a leaf's triangles relative to the ray.
+    #[inline(always)]
+    fn sheared<L: Lanes>(&self, lanes: L, leaf: &Leaf) -> Sheared<L::Leaf> {
         let [i, j, k] = self.axes;
         let start = [lanes.leaf_splat(self.start[0]), lanes.leaf_splat(self.start[1]), lanes.leaf_splat(self.start[2])];
         let shear = [lanes.leaf_splat(self.shear[0]), lanes.leaf_splat(self.shear[1])];
@@ -219,7 +281,7 @@ impl Probe {
             sheared.y[corner] = shear[1].neg_mul_add(z, lanes.leaf(&rows[j]).sub(start[1]));
             sheared.z[corner] = z;
         }
-        sheared.judge(lanes.leaf_splat(self.end), leaf.extent, &self.errors)
+        sheared
     }
 }
 

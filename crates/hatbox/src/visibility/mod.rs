@@ -32,8 +32,10 @@
 //! - deciding in single precision: it leaks at 1e-7 of the scene;
 //! - leaves in f64 only: 0.8 to 0.9 of Embree's speed on single any-hit rays, 0.2 on packets asked ray by ray;
 //! - the widest child first in any-hit queries: slower by an eighth than the narrowest first;
-//! - leaves sorted among the nodes by where the ray enters, for closest hits: slower by a seventh than testing them as
-//!   soon as they are seen;
+//! - deciding in f64 at every leaf that a closest hit may be in: a sixth slower than at the end (`closest`). Together
+//!   with that, leaves sorted among the nodes cost a seventh more than leaves tested as soon as they are seen; now they
+//!   are sorted, and their memory is asked for when they are put on the stack;
+//! - two-megabyte pages, through glibc's tunables: 2 to 15 % at 1.5 million triangles, within the scatter;
 //! - testing each ray of a packet against the boxes of inner nodes too: no gain over leaves only.
 
 #![cfg_attr(
@@ -49,6 +51,7 @@
 
 mod build;
 mod bvh;
+mod closest;
 mod exact;
 mod lanes;
 mod leaf;

@@ -30,12 +30,14 @@ pub(super) struct Node {
     pub(super) rows: [[f32; WIDTH]; 6],
     /// Index of a node or [`LEAF_BIT`] and the index of a leaf.
     pub(super) child: [u32; WIDTH],
+    /// The children that are leaves, as bits.
+    pub(super) leaves: u32,
 }
 
 impl Node {
     pub(super) const EMPTY: Self = {
         let (lo, hi) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
-        Self { rows: [lo, lo, lo, hi, hi, hi], child: [u32::MAX; WIDTH] }
+        Self { rows: [lo, lo, lo, hi, hi, hi], child: [u32::MAX; WIDTH], leaves: 0 }
     };
 
     pub(super) fn set(&mut self, lane: usize, bounds: &Bounds, child: u32) {
@@ -44,6 +46,7 @@ impl Node {
             self.rows[axis + 3][lane] = bounds.hi[axis];
         }
         self.child[lane] = child;
+        self.leaves |= (child >> 31) << lane;
     }
 
     /// The children whose boxes the ray may meet, as bits, and where it enters each.
@@ -212,7 +215,7 @@ impl Slabs {
             let (o, d) = (ray.origin[axis] as f32, ray.direction[axis] as f32);
             slabs.set(axis, d, o, pad);
         }
-        slabs.stop_at(ray.length_to(end));
+        slabs.stop_at(ray.length_to(end) as f32);
         slabs
     }
 
@@ -267,7 +270,7 @@ impl Slabs {
 
     /// Shortens the ray to a length.
     #[inline(always)]
-    pub(super) fn stop_at(&mut self, length: f64) {
-        self.end = (length * (1.0 + SLACK)) as f32;
+    pub(super) fn stop_at(&mut self, length: f32) {
+        self.end = length * (1.0 + SLACK) as f32;
     }
 }

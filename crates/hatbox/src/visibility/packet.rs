@@ -114,23 +114,19 @@ impl Bvh {
         while pending > 0 {
             pending -= 1;
             let node = &self.nodes[stack[pending] as usize];
-            let (mut mask, _) = node.slabs(lanes, &packet.slabs);
-            while mask != 0 {
-                let lane = mask.trailing_zeros() as usize;
-                let child = node.child[lane];
-                mask &= mask - 1;
-                if child & LEAF_BIT != 0 && packet.probes.slabs(lanes, &node.rows, lane) & left == 0 {
+            let (mask, _) = node.slabs(lanes, &packet.slabs);
+            pending = self.push(lanes, node, mask, &mut stack, pending);
+            let mut leaves = mask & node.leaves;
+            while leaves != 0 {
+                let lane = leaves.trailing_zeros() as usize;
+                leaves &= leaves - 1;
+                if packet.probes.slabs(lanes, &node.rows, lane) & left == 0 {
                     continue;
                 }
-                if child & LEAF_BIT == 0 {
-                    lanes.prefetch(&self.nodes[child as usize]);
-                    stack[pending] = child;
-                    pending += 1;
-                    continue;
-                }
-                left &= !self.blocked_in(lanes, &self.leaves[(child ^ LEAF_BIT) as usize], packet, segments, left);
+                let leaf = &self.leaves[(node.child[lane] ^ LEAF_BIT) as usize];
+                left &= !self.blocked_in(lanes, leaf, packet, segments, left);
                 if left == 0 {
-                    return Some(left ^ packet.present);
+                    return Some(packet.present);
                 }
             }
         }

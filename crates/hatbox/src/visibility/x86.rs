@@ -3,12 +3,13 @@
 use super::build::{LEAF, WIDTH};
 use super::lanes::{Lanes, RAYS, Vector};
 use std::arch::x86_64::{
-    __m128, __m256, __m512, _CMP_LE_OQ, _MM_HINT_T0, _mm_add_ps, _mm_andnot_ps, _mm_cmp_ps, _mm_fmsub_ps,
+    __m128, __m256, __m512, _CMP_LE_OQ, _MM_HINT_T0, _mm_add_ps, _mm_andnot_ps, _mm_cmp_ps, _mm_div_ps, _mm_fmsub_ps,
     _mm_fnmadd_ps, _mm_loadu_ps, _mm_max_ps, _mm_min_ps, _mm_movemask_ps, _mm_mul_ps, _mm_prefetch, _mm_set1_ps,
-    _mm_storeu_ps, _mm_sub_ps, _mm256_add_ps, _mm256_andnot_ps, _mm256_cmp_ps, _mm256_fmsub_ps, _mm256_fnmadd_ps,
-    _mm256_loadu_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps, _mm256_set1_ps, _mm256_storeu_ps,
-    _mm256_sub_ps, _mm512_abs_ps, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_fmsub_ps, _mm512_fnmadd_ps,
-    _mm512_loadu_ps, _mm512_max_ps, _mm512_min_ps, _mm512_mul_ps, _mm512_set1_ps, _mm512_storeu_ps, _mm512_sub_ps,
+    _mm_storeu_ps, _mm_sub_ps, _mm256_add_ps, _mm256_andnot_ps, _mm256_cmp_ps, _mm256_div_ps, _mm256_fmsub_ps,
+    _mm256_fnmadd_ps, _mm256_loadu_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps, _mm256_set1_ps,
+    _mm256_storeu_ps, _mm256_sub_ps, _mm512_abs_ps, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_div_ps, _mm512_fmsub_ps,
+    _mm512_fnmadd_ps, _mm512_loadu_ps, _mm512_max_ps, _mm512_min_ps, _mm512_mul_ps, _mm512_set1_ps, _mm512_storeu_ps,
+    _mm512_sub_ps,
 };
 
 /// Proof that the processor has AVX2, fused multiply-add, and the instructions on bits that came with them.
@@ -44,7 +45,7 @@ impl Avx512 {
 
 /// A vector of one register. Values are made by [`Lanes`] only, whose implementors prove the feature.
 macro_rules! vector {
-    ($name:ident, $register:ty, $n:expr, $add:ident, $sub:ident, $mul:ident, $fmsub:ident, $fnmadd:ident, $min:ident,
+    ($name:ident, $register:ty, $n:expr, $add:ident, $sub:ident, $mul:ident, $div:ident, $fmsub:ident, $fnmadd:ident, $min:ident,
      $max:ident, $store:ident, $splat:ident, |$x:ident| $abs:expr, |$y:ident, $z:ident| $at_most:expr) => {
         #[derive(Clone, Copy)]
         pub(super) struct $name($register);
@@ -64,6 +65,11 @@ macro_rules! vector {
             fn mul(self, other: Self) -> Self {
                 // SAFETY: as above.
                 Self(unsafe { $mul(self.0, other.0) })
+            }
+            #[inline(always)]
+            fn div(self, other: Self) -> Self {
+                // SAFETY: as above.
+                Self(unsafe { $div(self.0, other.0) })
             }
             #[inline(always)]
             fn mul_sub(self, b: Self, c: Self) -> Self {
@@ -120,6 +126,7 @@ vector!(
     _mm_add_ps,
     _mm_sub_ps,
     _mm_mul_ps,
+    _mm_div_ps,
     _mm_fmsub_ps,
     _mm_fnmadd_ps,
     _mm_min_ps,
@@ -136,6 +143,7 @@ vector!(
     _mm256_add_ps,
     _mm256_sub_ps,
     _mm256_mul_ps,
+    _mm256_div_ps,
     _mm256_fmsub_ps,
     _mm256_fnmadd_ps,
     _mm256_min_ps,
@@ -152,6 +160,7 @@ vector!(
     _mm512_add_ps,
     _mm512_sub_ps,
     _mm512_mul_ps,
+    _mm512_div_ps,
     _mm512_fmsub_ps,
     _mm512_fnmadd_ps,
     _mm512_min_ps,
@@ -178,6 +187,10 @@ impl Vector<16> for Twice {
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
         Self(self.0.mul(other.0), self.1.mul(other.1))
+    }
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        Self(self.0.div(other.0), self.1.div(other.1))
     }
     #[inline(always)]
     fn mul_sub(self, b: Self, c: Self) -> Self {

@@ -27,7 +27,7 @@ const GUARD: f64 = 0.125;
 const OUTER_POINTS: f64 = 6.0;
 /// The part of the tolerance that goes to shadows. The pairs that a shadow's edge crosses are about √n of a row of n, each
 /// of about 1/n of its sum; with errors of τ √(s A) they would add up to τ A if all were of one sign.
-const SHARE: f64 = 0.25;
+const SHARE: f64 = 0.1;
 /// A point this close to a side of a cone, relative to their distance, is hidden: walls that meet hide what is behind their
 /// edge, whatever rounding says.
 const EDGE: f64 = 1e-10;
@@ -37,7 +37,7 @@ const CRACK: f64 = 1e-7;
 /// Pieces of a source at the most; a pair that takes more is sampled with rays.
 const MAX_PIECES: usize = 64;
 /// Parts of the receiver at the most; what they leave is in the error.
-const MAX_PARTS: usize = 256;
+const MAX_PARTS: usize = 1024;
 /// Blockers closer to a point's line of sight than this, relative to their distance, are seen edge-on.
 const EDGE_ON: f64 = 1e-12;
 
@@ -71,7 +71,10 @@ pub(super) fn block(
         None
     };
     clipped.unwrap_or_else(|| {
-        let hides = |x: DVec3, y: DVec3| blockers.iter().any(|polygon| crosses(x, y, polygon));
+        let hides = |x: &[DVec3], y: &[DVec3]| {
+            let hidden = |k: usize| blockers.iter().any(|polygon| crosses(x[k], y[k], polygon));
+            (0..x.len()).map(|k| u32::from(hidden(k)) << k).sum()
+        };
         let block = super::unoccluded(a, b, facing, accuracy);
         sampled::Sampling { a, b, facing, weights, accuracy }.visible_part(&block, &hides)
     })

@@ -41,8 +41,9 @@ pub enum Sight<'a> {
     Blocked,
     /// These convex planar polygons may be between them, and nothing else; at most sixteen.
     Behind(&'a [&'a [DVec3]]),
-    /// Something may be between them; ask whether it hides one point from another.
-    Partial(&'a (dyn Fn(DVec3, DVec3) -> bool + Sync)),
+    /// Something may be between them; ask which of up to [`PACKET`](crate::visibility::PACKET) segments from the first to
+    /// the second it crosses, as bits.
+    Partial(&'a (dyn Fn(&[DVec3], &[DVec3]) -> u32 + Sync)),
 }
 
 /// How accurate pair integrals are to be.

@@ -10,7 +10,9 @@ use crate::assemble::Panel;
 use crate::element::MAX_DOFS;
 use crate::kernel::geometric;
 use crate::quadrature::sequence::{hash, point};
+use crate::visibility::PACKET;
 use glam::DVec3;
+use std::ops::Range;
 
 /// Independent point sets whose spread is the error estimate.
 const SETS: usize = 4;
@@ -20,6 +22,9 @@ const FIRST: u32 = 4;
 /// Standard errors in the error estimate: four sets say little of the spread, and stopping when it looks small makes it
 /// look smaller.
 const CONFIDENCE: f64 = 2.0;
+
+/// Which of up to [`PACKET`] segments are blocked, as bits.
+type Hides<'a> = &'a dyn Fn(&[DVec3], &[DVec3]) -> u32;
 
 /// Two panels whose sight is to be sampled, and how accurately.
 pub(super) struct Sampling<'a> {
@@ -32,7 +37,7 @@ pub(super) struct Sampling<'a> {
 
 impl Sampling<'_> {
     /// The visible part of an unoccluded block.
-    pub(super) fn visible_part(&self, unoccluded: &Block, hides: &dyn Fn(DVec3, DVec3) -> bool) -> Block {
+    pub(super) fn visible_part(&self, unoccluded: &Block, hides: Hides<'_>) -> Block {
         let total = unoccluded.sum();
         if total <= 0.0 {
             return *unoccluded;
@@ -42,18 +47,31 @@ impl Sampling<'_> {
         let mut sums = Sums::new(self.a, self.b);
         let (mut done, mut target) = (0, FIRST);
         loop {
-            for set in 0..SETS {
-                for index in done..target {
-                    let [s, t, u, v] = point(hash(seed, set as u64), index);
-                    let (x, y) = (self.facing.first.sample(s, t), self.facing.second.sample(u, v));
-                    sums.add(set, x, y, self, hides);
-                }
-            }
+            self.round(done..target, seed, &mut sums, hides);
             let error = CONFIDENCE * total * sums.standard_error();
             if error <= allowed || sums.samples >= self.accuracy.max_rays {
                 return Block { visibility_error: error, rays: sums.samples, ..sums.combine(unoccluded) };
             }
             (done, target) = (target, 2 * target);
+        }
+    }
+
+    /// Adds the points of a range of each set, as many at once as rays go together.
+    fn round(&self, range: Range<u32>, seed: u64, sums: &mut Sums, hides: Hides<'_>) {
+        let all = SETS * range.len();
+        let set = |k: usize| k / range.len();
+        let (mut from, mut to) = ([DVec3::ZERO; PACKET], [DVec3::ZERO; PACKET]);
+        for first in (0..all).step_by(PACKET) {
+            let count = PACKET.min(all - first);
+            for k in 0..count {
+                let (set, index) = (set(first + k), range.start + ((first + k) % range.len()) as u32);
+                let [s, t, u, v] = point(hash(seed, set as u64), index);
+                (from[k], to[k]) = (self.facing.first.sample(s, t), self.facing.second.sample(u, v));
+            }
+            let hidden = hides(&from[..count], &to[..count]);
+            for k in 0..count {
+                sums.add(set(first + k), from[k], to[k], self, hidden >> k & 1 == 0);
+            }
         }
     }
 
@@ -86,9 +104,8 @@ impl Sums {
         Self { kernel: [[0.0; 2]; SETS], blocks: [Block::zeros(a, b); 2], visible: 0, samples: 0 }
     }
 
-    fn add(&mut self, set: usize, x: DVec3, y: DVec3, pair: &Sampling<'_>, hides: &dyn Fn(DVec3, DVec3) -> bool) {
+    fn add(&mut self, set: usize, x: DVec3, y: DVec3, pair: &Sampling<'_>, visible: bool) {
         let g = geometric(x, pair.a.normal(), y, pair.b.normal());
-        let visible = !hides(x, y);
         self.samples += 1;
         self.visible += u32::from(visible);
         self.kernel[set][0] += g;

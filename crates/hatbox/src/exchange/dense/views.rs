@@ -98,7 +98,7 @@ impl Views<'_> {
             }
             _ => {
                 let skip = [a.surface, b.surface];
-                integrated(Sight::Partial(&|x, y| self.blockers.occluded(x, y, skip)))
+                integrated(Sight::Partial(&|x, y| self.blockers.occluded_packet(x, y, skip)))
             }
         }
     }
