@@ -172,6 +172,7 @@ fn coaxial_disks() {
 }
 
 #[test]
+#[ignore = "minutes"]
 fn spherical_caps_see_themselves() {
     let beta = 1.1_f64;
     let cap = |n: usize, rows: usize| {
@@ -204,6 +205,7 @@ fn cylinders_see_themselves() {
 }
 
 #[test]
+#[ignore = "minutes"]
 fn concentric_cylinders() {
     let parts = |n: usize| {
         let [low, high] = [0.0, 2.0].map(|z| (ring(n, 1.0, z), ring(n, 2.0, z)));
@@ -220,6 +222,7 @@ fn concentric_cylinders() {
 
 /// Of a convex body in a closed convex shell: all that leaves the body reaches the shell.
 #[test]
+#[ignore = "minutes"]
 fn concentric_spheres() {
     let sphere = |radius: f64| -> Part {
         let mesh = meshes::icosphere(1);
