@@ -34,6 +34,8 @@ pub(crate) struct System {
     pub(crate) given: Arc<scene::Scene>,
     pub(crate) options: Options,
     pub(crate) fault: Arc<Fault>,
+    /// As many as there are processors if not given.
+    threads: Option<usize>,
 }
 
 /// What every way to a system needs to know.
@@ -48,6 +50,10 @@ struct Settings {
     #[pyo3(item)]
     operator: String,
     #[pyo3(item)]
+    grading: f64,
+    #[pyo3(item)]
+    memory: Option<usize>,
+    #[pyo3(item)]
     seed: u64,
 }
 
@@ -61,6 +67,8 @@ impl Settings {
             continuity: Continuity::named(continuity).ok_or_else(|| unknown("continuity", continuity, names()))?,
             tolerance: self.tolerance,
             operator: exchange::kind(operator).ok_or_else(|| unknown("operator", operator, kinds()))?,
+            grading: self.grading,
+            memory: self.memory.unwrap_or(exchange::MEMORY),
             seed: self.seed,
             ..Options::default()
         })
@@ -110,7 +118,7 @@ impl System {
         let subdivided = max_edge.map(Refinement::MaxEdge).or(elements.map(Refinement::Elements));
         let options = Options { refinement: subdivided.unwrap_or(Refinement::None), ..settings.options()? };
         let system = run(py, threads, reporter, fault, |progress| radiosity::System::build(inner, &options, progress))?;
-        Ok(Self { inner: Arc::new(system), given: Arc::clone(inner), options, fault: Arc::clone(fault) })
+        Ok(Self { inner: Arc::new(system), given: Arc::clone(inner), options, fault: Arc::clone(fault), threads })
     }
 
     /// Refines the scene until the estimated error is no greater than the settings' tolerance: the last system and its
@@ -146,7 +154,7 @@ impl System {
             Ok::<_, Failure>((system, Solution::new(solution, report)))
         })?;
         let (given, fault) = (Arc::clone(inner), Arc::clone(fault));
-        Ok((Self { inner: Arc::new(system), given, options: options.solve, fault }, solution))
+        Ok((Self { inner: Arc::new(system), given, options: options.solve, fault, threads }, solution))
     }
 
     /// Solves for the scene's own emission.
@@ -160,7 +168,7 @@ impl System {
         reporter: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Solution> {
         let options = Options { solver: solver_kind(solver)?, error_points, ..self.options };
-        run(py, threads, reporter, &self.fault, |progress| {
+        run(py, threads.or(self.threads), reporter, &self.fault, |progress| {
             let solved = self.inner.solved(&options, progress)?;
             let report = Report::new(&self.given, &solved);
             let solution = shown(solved.solution, gather, options.seed, progress)?;
@@ -181,7 +189,7 @@ impl System {
         system.scene = with_bands(system.scene, bands);
         let given = scene::Scene { materials, bands: system.scene.bands, ..(*self.given).clone() };
         let fault = Arc::clone(&self.fault);
-        Ok(Self { inner: Arc::new(system), given: Arc::new(given), options: self.options, fault })
+        Ok(Self { inner: Arc::new(system), given: Arc::new(given), options: self.options, fault, threads: self.threads })
     }
 
     /// The scene, subdivided.
@@ -220,7 +228,7 @@ impl System {
         if band >= scene.bands {
             return Err(PyIndexError::new_err(format!("band {band} of {} bands", scene.bands)));
         }
-        let matrix = quickly(py, None, || assemble::weighted_mass(scene, space))?;
+        let matrix = quickly(py, self.threads, || assemble::weighted_mass(scene, space))?;
         self.fault.take().map_or_else(|| Ok(triplets(py, matrix.triplets(band))), Err)
     }
 
@@ -234,7 +242,7 @@ impl System {
     /// b⁰, bands × D.
     fn load<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let (scene, space) = (&self.inner.scene, &self.inner.space);
-        let load = quickly(py, None, || assemble::load(scene, space))?;
+        let load = quickly(py, self.threads, || assemble::load(scene, space))?;
         self.fault.take().map_or_else(|| arrays::owned(py, load), Err)
     }
 
@@ -243,10 +251,9 @@ impl System {
         &self,
         py: Python<'py>,
         x: &Bound<'py, PyArray2<f64>>,
-        threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let x = arrays::multivector(x, self.inner.space.broken_dofs())?;
-        arrays::owned(py, quickly(py, threads, || self.inner.exchange.times(&x))?)
+        arrays::owned(py, quickly(py, self.threads, || self.inner.exchange.times(&x))?)
     }
 
     /// S_ij of two cells and its estimated errors of quadrature and of visibility.
@@ -262,7 +269,7 @@ impl System {
             return Err(PyIndexError::new_err(format!("cell {cell} of {} cells", space.cells())));
         }
         let accuracy = Accuracy { seed: self.options.seed, ..Accuracy::new(tolerance, self.inner.scene.mesh.area()) };
-        let block = quickly(py, None, || self.inner.pair_block(i, j, &accuracy))?;
+        let block = quickly(py, self.threads, || self.inner.pair_block(i, j, &accuracy))?;
         let shape = (space.range(i).len(), space.range(j).len());
         let values = Array2::from_shape_fn(shape, |(row, column)| block.values()[row * shape.1 + column]);
         Ok((values.into_pyarray(py), block.quadrature_error, block.visibility_error))

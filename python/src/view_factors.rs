@@ -30,6 +30,7 @@ pub(crate) fn view_factors<'py>(
     tolerance: f64,
     closure: &str,
     threshold: f64,
+    memory: Option<u64>,
     seed: u64,
     threads: Option<usize>,
     reporter: Option<&Bound<'py, PyAny>>,
@@ -44,6 +45,7 @@ pub(crate) fn view_factors<'py>(
         seed,
         closure: method.ok_or_else(|| unknown("closure", closure, names()))?.kind,
         threshold,
+        memory,
         ..Options::default()
     };
     let (found, rows) = run(py, threads, reporter, fault, |progress| {

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 import hatbox
+from hatbox._arrays import quads, vectors
 from shapes import CUBE_FACES, CUBE_VERTICES, SQUARE_FACES, SQUARES
 
 
@@ -79,6 +80,13 @@ def test_lists_foreign_byte_order_strides_and_read_only_arrays_mean_the_same() -
     fixed.flags.writeable = False
     for faces in [SQUARE_FACES.tolist(), np.asfortranarray(SQUARE_FACES), fixed, SQUARE_FACES.astype(">i4")]:
         np.testing.assert_array_equal(factors(SQUARES, faces), GOOD)
+
+
+def test_arguments_of_the_right_type_reach_the_library_without_a_copy() -> None:
+    faces = SQUARE_FACES.astype(np.int64)
+    for own, taken in [(SQUARES, vectors("vertices", SQUARES)), (faces, quads(faces))]:
+        assert taken.ctypes.data == own.ctypes.data
+        assert np.shares_memory(taken, own)
 
 
 def test_arguments_are_not_changed() -> None:
@@ -197,6 +205,8 @@ def test_tolerances_that_are_impossible(tolerance: float) -> None:
         ({"max_edge": 1e-9}, "gives more than 50000000 cells"),
         ({"elements": 10, "max_edge": 1.0}, "both given"),
         ({"threads": 0}, "threads 0"),
+        ({"memory": 0}, "memory 0"),
+        ({"elements": 3000, "memory": 1_000_000}, "more than the 1 MB there are"),
         ({"elements": 100_000}, "more than the .* MB allowed"),
     ],
 )
@@ -207,4 +217,4 @@ def test_options_that_are_impossible(options: dict[str, Any], words: str) -> Non
 
 def test_operators_refuse_vectors_of_another_size(cube_solution: hatbox.Solution) -> None:
     with pytest.raises(ValueError, match="is needed"):
-        cube_solution.system._native.exchange(np.zeros((1, 3)), None)
+        cube_solution.system._native.exchange(np.zeros((1, 3)))

@@ -6,9 +6,11 @@ import _thread
 import io
 import os
 import re
+import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +112,21 @@ def test_ctrl_c_interrupts_a_solve_and_leaves_the_module_usable() -> None:
     assert hatbox.solve(cube(), elements=30, error_points=0).energy.defect < 1e-9
 
 
+@pytest.mark.skipif(os.name == "nt", reason="processes are interrupted otherwise there")
+def test_ctrl_c_ends_a_program_in_the_middle_of_a_solve() -> None:
+    work = "print('begun', flush=True); hatbox.solve(cube(), elements=12_000, tolerance=1e-8)"
+    code = f"import hatbox\nfrom shapes import cube\n{work}"
+    command, folder = [sys.executable, "-c", code], Path(__file__).parent
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder) as program:
+        assert program.stdout is not None
+        assert program.stdout.readline() == "begun\n"
+        time.sleep(0.2)
+        program.send_signal(signal.SIGINT)
+        _, complaint = program.communicate(timeout=60)
+    assert program.returncode == -signal.SIGINT
+    assert complaint.rstrip().splitlines()[-1].startswith("KeyboardInterrupt")
+
+
 def test_the_interpreter_runs_on_while_the_library_works() -> None:
     """Another thread must get its turn: a solve that needs an answer from it would otherwise never end."""
     asked, answered = threading.Event(), threading.Event()
@@ -143,5 +160,5 @@ def test_progress_is_drawn_where_it_is_seen(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
     for stream, progress, seen in [(Terminal(), True, True), (Terminal(), False, False), (io.StringIO(), True, False)]:
         monkeypatch.setattr(sys, "stderr", stream)
-        hatbox.solve(cube(), elements=700, tolerance=1e-4, error_points=0, progress=progress)
+        hatbox.solve(cube(), elements=400, tolerance=1e-4, error_points=0, progress=progress)
         assert ("form factors" in stream.getvalue()) == seen

@@ -31,8 +31,9 @@ def test_the_types_are_right() -> None:
 
 
 def test_the_code_is_tidy() -> None:
-    run("ruff", "check", "--quiet", ".")
-    run("ruff", "format", "--check", "--quiet", ".")
+    folders = [".", str(PYTHON.parent / "benches" / "peers")]
+    run("ruff", "check", "--quiet", "--config", "pyproject.toml", *folders)
+    run("ruff", "format", "--check", "--quiet", "--config", "pyproject.toml", *folders)
 
 
 def test_the_package_says_that_it_is_typed() -> None:
@@ -53,6 +54,19 @@ def test_the_example_of_the_readme_runs() -> None:
         names: dict[str, hatbox.Solution] = {}
         exec(block, names)
         assert names["brighter"].energy.emitted == 2 * names["solution"].energy.emitted
+
+
+@pytest.mark.filterwarnings("default::hatbox.HatboxWarning")
+def test_the_guide_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (PYTHON.parent / "book" / "python.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert len(blocks) > 3
+    (tmp_path / "scenes").symlink_to(PYTHON.parent / "scenes")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for block in blocks:
+        exec(block, names)
+    assert (tmp_path / "cornell.glb").exists()
 
 
 PUBLIC = [(name, getattr(hatbox, name)) for name in hatbox.__all__ if callable(getattr(hatbox, name))]

@@ -102,9 +102,25 @@ def test_what_refinement_cannot_do_is_said() -> None:
         hatbox.solve(cube(), elements=30, focus="face 0")
 
 
-def test_the_answer_does_not_depend_on_the_number_of_threads(cube_solution: hatbox.Solution) -> None:
-    solution = hatbox.solve(cube(), elements=300, tolerance=1e-4, threads=1, error_points=0)
-    np.testing.assert_array_equal(solution.radiosity, cube_solution.radiosity)
+@pytest.mark.parametrize("threads", [1, 2])
+def test_the_answer_does_not_depend_on_the_number_of_threads(threads: int, cube_solution: hatbox.Solution) -> None:
+    solution = hatbox.solve(cube(), elements=300, tolerance=1e-4, threads=threads, error_points=0)
+    assert solution.radiosity.tobytes() == cube_solution.radiosity.tobytes()
+    x = np.sin(np.arange(len(solution.radiosity)))
+    assert (solution.system.exchange @ x).tobytes() == (cube_solution.system.exchange @ x).tobytes()
+
+
+def test_grading_makes_elements_thin_at_edges() -> None:
+    graded = [hatbox.System(cube(), elements=150, grading=q).scene.vertices for q in (1.0, 2.0)]
+    thinnest = [np.diff(np.unique(vertices[:, 0].round(9))).min() for vertices in graded]
+    assert thinnest[1] < thinnest[0]
+    with pytest.raises(hatbox.HatboxError, match=r"grading 0\.5: it must lie between 1 and 8"):
+        hatbox.solve(cube(), elements=60, grading=0.5)
+
+
+def test_an_operator_that_does_not_fit_is_refused() -> None:
+    with pytest.raises(hatbox.HatboxError, match="MB"):
+        hatbox.solve(cube(), operator="dense", elements=1000, memory=1_000_000)
 
 
 def test_arrays_are_shared_and_not_copied(cube_solution: hatbox.Solution) -> None:

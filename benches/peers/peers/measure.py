@@ -1,4 +1,4 @@
-"""Time and error."""
+"""Time and error, and what could not be measured."""
 
 from __future__ import annotations
 
@@ -13,16 +13,26 @@ import numpy as np
 T = TypeVar("T")
 
 
+class AbsentError(Exception):
+    """A program is not here, or does not run; the text says why."""
+
+
 @dataclass(frozen=True)
 class Row:
     """One measurement."""
 
     job: str
     tool: str
+    series: str
+    """What rows of a tool that belong together have in common."""
     setting: str
+    """In what they differ."""
     seconds: float
     cpu_seconds: float
     errors: dict[str, float]
+    """The first is the one by which programs are compared."""
+    again: float | None = None
+    """Seconds of all processors for the same under another lamp."""
 
 
 def _cpu() -> float:
@@ -37,12 +47,19 @@ def timed(work: Callable[[], T]) -> tuple[T, float, float]:
     return result, time.perf_counter() - started, _cpu() - cpu
 
 
-def pointwise(found: np.ndarray, truth: np.ndarray, weights: np.ndarray) -> dict[str, float]:
-    """The relative L2 error, and the median and 95th percentile of the relative error at a point."""
-    difference, norm = np.linalg.norm(found - truth, axis=1), np.linalg.norm(truth, axis=1)
-    relative = difference / norm
+def relative_l2(found: np.ndarray, truth: np.ndarray, weights: np.ndarray | float = 1.0) -> float:
+    """The norm of the difference over that of the truth."""
+    return float(np.sqrt((weights * (found - truth) ** 2).sum() / (weights * truth**2).sum()))
+
+
+def pointwise(found: np.ndarray, truth: np.ndarray, weights: np.ndarray | None = None) -> dict[str, float]:
+    """The relative L2 error, and the median and 95th percentile of the relative error at a point.
+
+    `truth` has a row of bands for each point; points weigh the same unless weights are given.
+    """
+    relative = np.linalg.norm(found - truth, axis=1) / np.linalg.norm(truth, axis=1)
     return {
-        "L2": float(np.sqrt((weights * difference**2).sum() / (weights * norm**2).sum())),
+        "L2": relative_l2(found, truth, 1.0 if weights is None else weights[:, None]),
         "median": float(np.median(relative)),
         "95 %": float(np.percentile(relative, 95)),
     }

@@ -1,60 +1,49 @@
-"""Rays a second: Embree by way of embreex, and the library's own by its bench."""
+"""Rays a second beside Embree: the program of `benches/embree`, which measures both in one process on the same rays."""
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 
-import numpy as np
-
-from .measure import Row, timed
+from .measure import AbsentError, Row
 from .scenes import ROOT
 
+RATE = "M rays/s"
 
-def measure(quick: bool) -> Iterator[Row]:
-    """Closest hits of rays in a sphere of 82 thousand triangles, in all directions."""
-    yield from _embree(100_000 if quick else 2_000_000)
-    if not quick:
-        yield from _own()
+# scene, kind, threads, and rates: ours, Embree's for robust scenes, Embree's by default.
+_LINE = re.compile(r"^(\S+) +(any|closest|pairs of 16) +(\d) +([\d.]+) +([\d.]+) +[\d.]+ +([\d.]+)")
 
 
-def _sphere(times: int) -> np.ndarray:
-    octahedron = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]], float)
-    faces = [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
-    triangles = octahedron[np.array(faces)]
-    for _ in range(times):
-        a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
-        ab, bc, ca = a + b, b + c, c + a
-        parts = [np.stack(t, axis=1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
-        triangles = np.concatenate(parts)
-        triangles /= np.linalg.norm(triangles, axis=2, keepdims=True)
-    return triangles
-
-
-def _embree(count: int) -> Iterator[Row]:
+def measure(quick: bool, absent: dict[str, str]) -> Iterator[Row]:
+    """Single rays and batches of sixteen, on two scenes of 72 000 triangles."""
     try:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-    except ImportError:
-        return
-    scene = EmbreeScene()
-    triangles = _sphere(6)
-    TriangleMesh(scene, triangles.astype(np.float32))
-    random = np.random.default_rng(1)
-    origins = (0.5 * random.standard_normal((count, 3)) / 3).astype(np.float32)
-    directions = random.standard_normal((count, 3))
-    directions = (directions / np.linalg.norm(directions, axis=1, keepdims=True)).astype(np.float32)
-    scene.run(origins[:1000], directions[:1000])
-    _, seconds, cpu = timed(lambda: scene.run(origins, directions))
-    setting = f"{len(triangles)} triangles, incoherent, one thread"
-    yield Row("rays", "embree", setting, seconds, cpu, {"million a second": count / cpu / 1e6})
+        yield from _rates(["--quick", "box"] if quick else ["spheres", "soup"])
+    except AbsentError as error:
+        absent["embree"] = str(error)
 
 
-def _own() -> Iterator[Row]:
-    command = ["cargo", "bench", "-p", "hatbox", "--bench", "rays"]
-    done, seconds, cpu = timed(lambda: subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False))
+def _rates(arguments: list[str]) -> Iterator[Row]:
+    program = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release" / "embree-bench"
+    done = subprocess.run([program, _embree(), *arguments], capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise AbsentError(done.stderr.strip().splitlines()[-1])
     for line in done.stdout.splitlines():
-        rate = re.search(r"([\d.]+)\s*M", line)
-        if rate:
-            yield Row("rays", "hatbox", line.strip(), seconds, cpu, {"million a second": float(rate.group(1))})
+        if found := _LINE.match(line):
+            scene, kind, threads, *rates = found.groups()
+            job = f"{scene}, {kind}, {threads} thread{'s' if threads != '1' else ''}"
+            ours, robust, default = map(float, rates)
+            yield Row(job, "hatbox", "", "", 0.0, 0.0, {RATE: ours})
+            yield Row(job, "embree", "", "robust", 0.0, 0.0, {RATE: robust})
+            yield Row(job, "embree", "", "default", 0.0, 0.0, {RATE: default})
+
+
+def _embree() -> Path:
+    """The library in the wheel embreex."""
+    found = [path for pattern in ("libembree4*.so*", "libembree4*.dylib") for path in Path(sys.prefix).rglob(pattern)]
+    if not found:
+        raise AbsentError("there is no libembree4 in the environment")
+    return min(found)

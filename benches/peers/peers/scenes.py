@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,21 +19,16 @@ C_11 = 0.199824895698387
 
 
 @dataclass(frozen=True)
-class Enclosure:
-    """Quads seen from inside that close, so that every row of view factors must sum to 1."""
+class Quads:
+    """Quads that exchange light, and what is known of their view factors."""
 
     name: str
     vertices: np.ndarray
     faces: np.ndarray
-
-
-@dataclass(frozen=True)
-class Occluded:
-    """Two squares with a blocker between, and the exact view factor from the first to the second."""
-
-    name: str
-    blocker: np.ndarray
-    exact: float
+    exact: float = math.nan
+    """The view factor from the first to the second, where there is a closed form."""
+    convex: bool = False
+    """Whether nothing stands between any two."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +46,7 @@ class Lit:
 def _cut(quads: list[np.ndarray], edge: float) -> tuple[np.ndarray, np.ndarray]:
     """Quads cut into pieces with edges of about a length."""
     pieces = []
-    for a, b, c, d in quads:
+    for a, b, _, d in quads:
         n, m = (max(1, round(np.linalg.norm(e - a) / edge)) for e in (b, d))
         u, v = np.linspace(0, 1, n + 1), np.linspace(0, 1, m + 1)
         grid = a + u[:, None, None] * (b - a) + v[None, :, None] * (d - a)
@@ -70,29 +66,31 @@ def _prism(outline: np.ndarray, parts: list[list[int]], height: float, edge: flo
     return _cut(quads, edge)
 
 
-def cube(per_side: int) -> Enclosure:
+def cube(per_side: int) -> Quads:
     """The closed unit cube."""
     outline = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
-    return Enclosure("cube", *_prism(outline, [[0, 1, 2, 3]], 1.0, 1.0 / per_side))
+    return Quads("cube", *_prism(outline, [[0, 1, 2, 3]], 1.0, 1.0 / per_side), convex=True)
 
 
-def l_room(per_side: int) -> Enclosure:
+def l_room(per_side: int) -> Quads:
     """A closed room in the shape of an L, the ends of which do not see each other."""
     outline = np.array([[0, 0], [1, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2], [0, 1]], float)
     parts = [[0, 1, 4, 7], [1, 2, 3, 4], [7, 4, 5, 6]]
-    return Enclosure("L-room", *_prism(outline, parts, 1.0, 1.0 / per_side))
+    return Quads("L-room", *_prism(outline, parts, 1.0, 1.0 / per_side))
 
 
-def occluded() -> list[Occluded]:
-    """Blockers between the unit squares z = 0 and z = 1."""
+def occluded() -> list[Quads]:
+    """A sheet between the unit squares z = 0 and z = 1."""
+    squares = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [0, 1, 1], [1, 1, 1], [1, 0, 1]], float)
 
-    def sheet(x: tuple[float, float], y: tuple[float, float], z: float) -> np.ndarray:
-        return np.array([[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]])
+    def with_sheet(name: str, x: tuple[float, float], y: tuple[float, float], z: float, exact: float) -> Quads:
+        sheet = [[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]]
+        return Quads(name, np.vstack([squares, sheet]), np.arange(12).reshape(3, 4), exact)
 
     return [
-        Occluded("half hidden", sheet((0, 0.5), (0, 1), 0.5), C_11 / 2),
-        Occluded("a quarter hidden", sheet((0, 0.5), (0, 0.5), 0.5), 0.75 * C_11),
-        Occluded("a small sheet", sheet((0.25, 0.75), (0.25, 0.75), 0.75), 0.115620602132),
+        with_sheet("half hidden", (0, 0.5), (0, 1), 0.5, C_11 / 2),
+        with_sheet("a quarter hidden", (0, 0.5), (0, 0.5), 0.5, 0.75 * C_11),
+        with_sheet("a small sheet between", (0.25, 0.75), (0.25, 0.75), 0.75, 0.115620602132),
     ]
 
 

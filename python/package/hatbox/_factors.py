@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse
@@ -26,10 +24,11 @@ def view_factors(
     max_edge: float | None = None,
     closure: str = "none",
     threshold: float = 0.0,
+    memory: int | None = None,
     seed: int = 0,
     threads: int | None = None,
     progress: bool = False,
-) -> Any:
+) -> sparse.csr_array:
     """View factors between faces, or between groups of faces: which fraction of what leaves one reaches the other.
 
     Args:
@@ -44,14 +43,15 @@ def view_factors(
         max_edge: Subdivide until no edge is longer, in metres.
         closure: A name of `hatbox.CLOSURES`: how row sums are made right; by default not at all.
         threshold: Pairs of which neither factor reaches this are left out, and the others make up for it.
+        memory: The most bytes that the work may take; what needs more is refused before it begins.
         seed: Seed of everything that is sampled.
         threads: Number of threads; as many as there are processors if not given. The result does not depend on it.
         progress: Whether a bar is drawn.
 
     Returns:
         F as a `scipy.sparse.csr_array` of the shape (F, F), or (G, G) for G groups. Reciprocity A_i F_ij = A_j F_ji
-        holds to rounding; row sums are not forced to 1 without a closure, so that in a closed scene they measure the accuracy. What has
-        no area has an empty row.
+        holds to rounding; row sums are not forced to 1 without a closure, so that in a closed scene they measure the
+        accuracy. What has no area has an empty row.
 
     Raises:
         HatboxError: As `Scene` does; too many elements, no such closure, a threshold that is no fraction.
@@ -67,7 +67,17 @@ def view_factors(
     whole = elements is None and max_edge is None and np.array_equal(scene.group, np.arange(len(names)))
     with bar(progress) as reporter:
         starts, columns, values, _, found = _native.view_factors(
-            scene._native, not whole, elements, max_edge, tolerance, closure, threshold, seed, threads, reporter
+            scene._native,
+            not whole,
+            elements,
+            max_edge,
+            tolerance,
+            closure,
+            threshold,
+            count("memory", memory),
+            seed,
+            threads,
+            reporter,
         )
     factors = sparse.csr_array((values, columns, starts), shape=(len(found), len(found)))
     if len(found) == len(names):
@@ -76,7 +86,7 @@ def view_factors(
     return _placed(factors, [number[name] for name in found], len(names))
 
 
-def _placed(factors: Any, places: list[int], size: int) -> Any:
+def _placed(factors: sparse.csr_array, places: list[int], size: int) -> sparse.csr_array:
     """The factors of those groups that have any area, among all."""
     entries = factors.tocoo()
     place = np.array(places)

@@ -73,8 +73,14 @@ class ErrorEstimate:
     """‖B − B̃‖ / ‖B̃ − B⁰‖, the relative L2 error of the reflected light."""
     residual: float
     """The relative residual of the equation at points that the solver never saw."""
+    propagated: float
+    """What the residual causes elsewhere by reflection; the estimate is the sum of the two."""
+    data: float
+    """Of the residual, what textures lose by projection."""
+    discretisation: float
+    """Of the residual, the rest: elements too large for the light on them."""
     absorption: float
-    """What the residual is divided by: emitted over leaving power."""
+    """The emitted over the leaving power."""
     operator: float
     """Relative error of the operator: quadrature and visibility."""
     solver: float
@@ -262,6 +268,8 @@ def solve(
     max_unknowns: int = 20_000,
     focus: str | npt.ArrayLike | None = None,
     gather: bool = False,
+    grading: float = 1.0,
+    memory: int | None = None,
     solver: str = "auto",
     seed: int = 0,
     threads: int | None = None,
@@ -283,12 +291,16 @@ def solve(
         max_edge: Subdivide until no edge is longer, in metres.
         max_unknowns: Refinement stops before a band has more coefficients (three for a linear element).
             `Solution.report["adaptivity"]["reached"]` tells whether it did.
-        focus: Where the error counts: the name of a material or a group, or two opposite corners of a box, shape (2, 3).
-            Elsewhere it counts as far as it matters there.
+        focus: Where the error counts: the name of a material or a group, or two opposite corners of a box, shape
+            (2, 3). Elsewhere it counts as far as it matters there.
         gather: Whether the light is gathered once more at the nodes: sharper shadows, half an order more accurate.
+        grading: Vertices of the subdivision are at t^q from the edges of faces, this being q: finer there, where light
+            varies most. 2 suits linear and 3 quadratic functions.
+        memory: The most bytes that the operator may store; 16 GiB if not given.
         solver: "auto" or a name of `hatbox.SOLVERS`.
         seed: Seed of everything that is sampled.
-        threads: Number of threads; as many as there are processors if not given. The result does not depend on it.
+        threads: Number of threads, here and in all that is done with `Solution.system`; as many as there are processors
+            if not given. No result depends on it.
         error_points: Number of points at which the error is estimated; with 0 it stays unknown, which needs a given
             subdivision.
 
@@ -301,7 +313,7 @@ def solve(
     if elements is None and max_edge is None:
         if error_points < 1:
             raise HatboxError("error_points 0: refinement needs an estimate\n  help: give elements or max_edge")
-        settings = _settings(basis, continuity, tolerance, operator, seed)
+        settings = _settings(basis, continuity, tolerance, operator, grading, memory, seed)
         count("max_unknowns", max_unknowns)
         region = focus if focus is None or isinstance(focus, str) else _box(focus)
         with bar(progress) as reporter:
@@ -319,6 +331,8 @@ def solve(
         max_edge=max_edge,
         tolerance=_OPERATOR_SHARE * tolerance,
         operator=operator,
+        grading=grading,
+        memory=memory,
         seed=seed,
         threads=threads,
         progress=progress,

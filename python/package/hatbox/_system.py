@@ -50,8 +50,12 @@ class System:
         max_edge: Subdivide until no edge is longer, in metres.
         tolerance: Relative error that form factors and visibility may have, between 0 and 1.
         operator: "auto" or a name of `hatbox.OPERATORS`.
+        grading: Vertices of the subdivision are at t^q from the edges of faces, this being q: finer there, where light
+            varies most. 2 suits linear and 3 quadratic functions.
+        memory: The most bytes that the operator may store; 16 GiB if not given.
         seed: Seed of everything that is sampled.
-        threads: Number of threads; as many as there are processors if not given. The result does not depend on it.
+        threads: Number of threads, here and in all that is done with the system; as many as there are processors if not
+            given. No result depends on it.
         progress: Whether a bar is drawn, where there is a terminal or a notebook to draw it in.
 
     Raises:
@@ -71,6 +75,8 @@ class System:
         max_edge: float | None = None,
         tolerance: float = 0.01,
         operator: str = "auto",
+        grading: float = 1.0,
+        memory: int | None = None,
         seed: int = 0,
         threads: int | None = None,
         progress: bool = False,
@@ -80,7 +86,7 @@ class System:
             elements = _ELEMENTS
         tolerance, threads = checked_tolerance(tolerance), count("threads", threads)
         with bar(progress) as reporter:
-            settings = _settings(basis, continuity, tolerance, operator, seed)
+            settings = _settings(basis, continuity, tolerance, operator, grading, memory, seed)
             self._native = native_module.System(scene._native, settings, elements, max_edge, threads, reporter)
 
     @classmethod
@@ -115,11 +121,11 @@ class System:
         return self._native.nodes
 
     @cached_property
-    def mass(self) -> Any:
+    def mass(self) -> sparse.csr_array:
         """Δ_ij = ∫ N_i N_j in m², a `scipy.sparse.csr_array` of the shape (D, D)."""
         return _sparse(self._native.mass(), (self.broken_dofs, self.broken_dofs))
 
-    def reflectance_mass(self, band: int = 0) -> Any:
+    def reflectance_mass(self, band: int = 0) -> sparse.csr_array:
         """(M_R)_ij = ∫ R N_i N_j in m², a `scipy.sparse.csr_array` of the shape (D, D).
 
         Raises:
@@ -128,7 +134,7 @@ class System:
         return _sparse(self._native.reflectance_mass(_index(band)), (self.broken_dofs, self.broken_dofs))
 
     @cached_property
-    def continuity(self) -> Any:
+    def continuity(self) -> sparse.csr_array:
         """C, broken coefficients from joined ones: a `scipy.sparse.csr_array` of the shape (D, U)."""
         entries = self._native.continuity()
         if entries is None:
@@ -191,7 +197,7 @@ class System:
             solver: "auto" or a name of `hatbox.SOLVERS`.
             error_points: Number of points at which the error is estimated; with 0 it stays unknown.
             gather: Whether the light is gathered once more at the nodes: sharper shadows, half an order more accurate.
-            threads: As in `System`.
+            threads: Number of threads; that of the system if not given.
             progress: As in `System`.
 
         Raises:
@@ -218,7 +224,7 @@ class _Exchange(LinearOperator):  # type: ignore[misc]
 
     def _matmat(self, x: Any) -> Any:
         columns = np.ascontiguousarray(numbers("x", x).T)
-        return self._system.exchange(columns, None).T
+        return self._system.exchange(columns).T
 
     def _matvec(self, x: Any) -> Any:
         return self._matmat(np.reshape(x, (-1, 1)))[:, 0]
@@ -259,9 +265,21 @@ def shape_functions(basis: str, points: npt.ArrayLike, shape: str = "triangle") 
     return native_module.shape_functions(basis, array, shape)
 
 
-def _settings(basis: str, continuity: str, tolerance: float, operator: str, seed: int) -> dict[str, Any]:
+def _settings(
+    basis: str, continuity: str, tolerance: float, operator: str, grading: float, memory: int | None, seed: int
+) -> dict[str, Any]:
     """What the native module needs to know of every system."""
-    return {"basis": basis, "continuity": continuity, "tolerance": tolerance, "operator": operator, "seed": seed}
+    if not 1.0 <= grading <= 8.0:
+        raise HatboxError(f"grading {grading}: it must lie between 1 and 8")
+    return {
+        "basis": basis,
+        "continuity": continuity,
+        "tolerance": tolerance,
+        "operator": operator,
+        "grading": float(grading),
+        "memory": count("memory", memory),
+        "seed": seed,
+    }
 
 
 def _index(index: int) -> int:
@@ -270,6 +288,6 @@ def _index(index: int) -> int:
     return index
 
 
-def _sparse(entries: tuple[Any, Any, Any], shape: tuple[int, int]) -> Any:
+def _sparse(entries: tuple[Any, Any, Any], shape: tuple[int, int]) -> sparse.csr_array:
     rows, columns, values = entries
     return sparse.csr_array((values, (rows, columns)), shape=shape)
