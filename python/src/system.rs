@@ -189,7 +189,13 @@ impl System {
         system.scene = with_bands(system.scene, bands);
         let given = scene::Scene { materials, bands: system.scene.bands, ..(*self.given).clone() };
         let fault = Arc::clone(&self.fault);
-        Ok(Self { inner: Arc::new(system), given: Arc::new(given), options: self.options, fault, threads: self.threads })
+        Ok(Self {
+            inner: Arc::new(system),
+            given: Arc::new(given),
+            options: self.options,
+            fault,
+            threads: self.threads,
+        })
     }
 
     /// The scene, subdivided.
@@ -247,11 +253,7 @@ impl System {
     }
 
     /// S x for every row of x (bands × D).
-    fn exchange<'py>(
-        &self,
-        py: Python<'py>,
-        x: &Bound<'py, PyArray2<f64>>,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn exchange<'py>(&self, py: Python<'py>, x: &Bound<'py, PyArray2<f64>>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let x = arrays::multivector(x, self.inner.space.broken_dofs())?;
         arrays::owned(py, quickly(py, self.threads, || self.inner.exchange.times(&x))?)
     }

@@ -46,7 +46,6 @@ pub(crate) fn view_factors<'py>(
         closure: method.ok_or_else(|| unknown("closure", closure, names()))?.kind,
         threshold,
         memory,
-        ..Options::default()
     };
     let (found, rows) = run(py, threads, reporter, fault, |progress| {
         let found = ViewFactors::new(inner, &options, progress)?;

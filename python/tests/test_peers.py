@@ -25,6 +25,15 @@ def test_the_closed_forms_of_a_box_close_and_are_reciprocal() -> None:
     np.testing.assert_allclose(area[:, None] * exact, (area[:, None] * exact).T, atol=1e-13)
 
 
+def test_the_arms_of_the_room_have_closed_forms_that_keep_to_the_rows() -> None:
+    room = scenes.l_room(2)
+    known = room.in_one_box()
+    assert not room.convex
+    sums = np.where(known, box_factors(room.vertices, room.faces), 0.0).sum(axis=1)
+    # The faces of the arms' common part see nothing else; no face sees more than all.
+    assert sums.max() == pytest.approx(1.0, abs=1e-12)
+
+
 def test_absent_programs_are_named_and_ours_is_measured() -> None:
     absent: dict[str, str] = {}
     rows = list(factors.measure(quick=True, absent=absent))

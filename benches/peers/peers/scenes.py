@@ -17,6 +17,8 @@ DATA = Path(__file__).resolve().parents[1] / "data"
 # Howell's catalogue, C-11: parallel unit squares at distance 1.
 C_11 = 0.199824895698387
 
+UNIT_BOX = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+
 
 @dataclass(frozen=True)
 class Quads:
@@ -27,8 +29,19 @@ class Quads:
     faces: np.ndarray
     exact: float = math.nan
     """The view factor from the first to the second, where there is a closed form."""
-    convex: bool = False
-    """Whether nothing stands between any two."""
+    boxes: tuple[np.ndarray, ...] = ()
+    """Boxes inside the enclosure, each by two corners: nothing stands between two faces on the sides of one."""
+
+    @property
+    def convex(self) -> bool:
+        """Whether nothing stands between any two faces."""
+        return bool(self.boxes) and bool(self.in_one_box().all())
+
+    def in_one_box(self) -> np.ndarray:
+        """Which pairs of faces lie on the sides of one box."""
+        corners = self.vertices[self.faces]
+        inside = [((corners > low - 1e-9) & (corners < high + 1e-9)).all(axis=(1, 2)) for low, high in self.boxes]
+        return np.any([np.outer(within, within) for within in inside], axis=0)
 
 
 @dataclass(frozen=True)
@@ -69,14 +82,15 @@ def _prism(outline: np.ndarray, parts: list[list[int]], height: float, edge: flo
 def cube(per_side: int) -> Quads:
     """The closed unit cube."""
     outline = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
-    return Quads("cube", *_prism(outline, [[0, 1, 2, 3]], 1.0, 1.0 / per_side), convex=True)
+    return Quads("cube", *_prism(outline, [[0, 1, 2, 3]], 1.0, 1.0 / per_side), boxes=(UNIT_BOX,))
 
 
 def l_room(per_side: int) -> Quads:
     """A closed room in the shape of an L, the ends of which do not see each other."""
     outline = np.array([[0, 0], [1, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2], [0, 1]], float)
     parts = [[0, 1, 4, 7], [1, 2, 3, 4], [7, 4, 5, 6]]
-    return Quads("L-room", *_prism(outline, parts, 1.0, 1.0 / per_side))
+    arms = (UNIT_BOX * [2.0, 1.0, 1.0], UNIT_BOX * [1.0, 2.0, 1.0])
+    return Quads("L-room", *_prism(outline, parts, 1.0, 1.0 / per_side), boxes=arms)
 
 
 def occluded() -> list[Quads]:
