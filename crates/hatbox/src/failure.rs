@@ -123,6 +123,14 @@ impl From<radiosity::Error> for Failure {
         match error {
             radiosity::Error::Exchange(ExchangeError::Interrupted(_))
             | radiosity::Error::Solve(SolveError::Interrupted(_)) => Self::Interrupted,
+            radiosity::Error::Lossless { .. } => {
+                Self::with_help(error.to_string(), "give one of them a reflectance below 1, or make an opening")
+            }
+            radiosity::Error::Solve(SolveError::NotConverged { .. }) => Self::with_help(
+                error.to_string(),
+                "bounces multiply where surfaces in a closed part of the scene reflect all light: set reflectances below 1; \
+                 of the solvers, gmres and cg do not count bounces",
+            ),
             _ => Self::new(error.to_string()),
         }
     }

@@ -143,6 +143,8 @@ pub struct ClosureReport {
     pub deficit: f64,
     /// Whether the operator was balanced to exact row sums.
     pub balanced: bool,
+    /// What the operator of an open scene was multiplied by to lose what rays see escape.
+    pub factor: f64,
 }
 
 /// How wrong the solution may be.
@@ -208,6 +210,7 @@ impl Report {
                 escape: solved.closure.escape,
                 deficit: solved.closure.deficit,
                 balanced: solved.closure.balanced,
+                factor: solved.closure.factor,
             },
             error: solved.error.map(|e| ErrorReport {
                 kind: "estimated",

@@ -8,6 +8,7 @@ use glam::DVec3;
 use hatbox::adapt::{self, Focus};
 use hatbox::element::{ALL, Basis};
 use hatbox::mesh::{Mesh, Refinement, Topology};
+use hatbox::probe::Probe;
 use hatbox::progress::Silent;
 use hatbox::quadrature::rule;
 use hatbox::radiosity::{Options, Shown, Solution, System, error_of, gathered, local_error, solve};
@@ -254,4 +255,58 @@ fn interpolation_error(scene: &Scene, basis: &'static Basis, max_edge: f64, q: f
         }
     }
     sum.sqrt()
+}
+
+/// The cube whose ceiling glows, with ρ = 0.8: there B is like r^0.63 at the edges, as computed and not as assumed.
+fn glowing_ceiling() -> Scene {
+    let mut mesh = meshes::room(DVec3::ONE, |_| false);
+    mesh.cells[1].material = 1;
+    let ceiling = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("ceiling", 0.8) };
+    Scene::new(mesh, vec![Material::diffuse("walls", 0.8), ceiling], Physics::Light, None).expect("valid")
+}
+
+fn on_mesh(scene: &Scene, basis: &'static Basis, n: f64, q: f64) -> Solution {
+    let longest = if q <= 1.0 { SQRT_2 } else { 1.0 };
+    let options = Options {
+        grading: q,
+        continuity: Continuity::Broken,
+        tolerance: 1e-5,
+        error_points: 0,
+        ..options(basis, 1.001 * longest / n)
+    };
+    solve(scene, &options, &Silent).expect("solved").solution
+}
+
+/// ‖B̃ − B‖ against a solution that is taken for the truth.
+fn difference(solution: &Solution, truth: &Solution) -> f64 {
+    let mesh = &solution.scene.mesh;
+    let (mut places, mut here) = (Vec::new(), Vec::new());
+    for cell in 0..mesh.cells.len() {
+        let patch = mesh.patch(cell);
+        let rule = rule(patch.shape(), 8);
+        for (&at, weight) in rule.points.iter().zip(&rule.weights) {
+            places.push((patch.point(at), patch.normal()));
+            here.push((solution.evaluate(Shown::Radiosity, cell, at, 0), weight * patch.area()));
+        }
+    }
+    let exact = Probe::new(truth).values(&places).radiosity;
+    here.iter().zip(exact.band(0)).map(|((found, area), exact)| area * (found - exact).powi(2)).sum::<f64>().sqrt()
+}
+
+#[test]
+#[ignore = "a minute: cargo test --release -p hatbox --test adapt -- --ignored --nocapture edges_of_a_room"]
+fn graded_meshes_have_the_order_that_the_edges_of_a_room_take() {
+    let scene = glowing_ceiling();
+    let truth = on_mesh(&scene, &ALL[3], 12.0, 3.0);
+    for (basis, q, n) in [(&ALL[1], 2.0, 8.0), (&ALL[3], 3.0, 4.0)] {
+        let order = |q: f64| {
+            let errors = [n, 2.0 * n].map(|n| difference(&on_mesh(&scene, basis, n, q), &truth));
+            println!("{} q = {q}: {errors:?}", basis.name);
+            (errors[0] / errors[1]).log2()
+        };
+        let (uniform, graded) = (order(1.0), order(q));
+        println!("{}: order {uniform} uniform, {graded} graded", basis.name);
+        assert!(uniform < 1.5, "{}: uniform {uniform}", basis.name);
+        assert!(graded > basis.order as f64 - 0.3, "{}: graded {graded}", basis.name);
+    }
 }

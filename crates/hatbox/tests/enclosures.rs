@@ -6,7 +6,7 @@ mod meshes;
 use hatbox::element::{ALL, Basis};
 use hatbox::mesh::Refinement;
 use hatbox::progress::Silent;
-use hatbox::radiosity::{Options, Solved, System, solve};
+use hatbox::radiosity::{Error, Options, Solved, System, solve};
 use hatbox::scene::{Material, Physics, Quantity, Scene};
 use hatbox::space::Continuity;
 
@@ -140,4 +140,47 @@ fn either_side_of_a_sheet_has_its_own_shadows() {
     for side in 0..2 {
         assert!((one[side] - other[side]).abs() < 3e-3, "{one:?} {other:?}");
     }
+}
+
+#[test]
+fn a_closed_room_that_absorbs_nothing_is_refused_by_the_name_of_its_material() {
+    let refused = solve(&cube(1.0, [0.0, 1.0]), &options(&ALL[0], 24, 1e-2), &Silent).expect_err("no solution");
+    assert_eq!(refused, Error::Lossless { band: 0, materials: vec!["ceiling".to_owned(), "walls".to_owned()] });
+    assert!(refused.to_string().contains("ceiling, walls"), "{refused}");
+    // In the dark there is nothing to multiply.
+    assert!(solve(&cube(1.0, [0.0, 0.0]), &options(&ALL[0], 24, 1e-2), &Silent).is_ok());
+}
+
+#[test]
+fn neumanns_iteration_may_take_as_many_bounces_as_bright_walls_ask_for() {
+    let solved = |solver| {
+        let options = Options { solver: Some(solver), ..options(&ALL[0], 24, 1e-2) };
+        solve(&cube(0.99, [0.0, 1.0]), &options, &Silent).expect("solved")
+    };
+    let (bounces, exact) = (solved(hatbox::solve::Kind::Neumann), solved(hatbox::solve::Kind::Cg));
+    assert!(bounces.info.iterations > 1000, "{:?}", bounces.info);
+    let relative = (mean(&bounces, |_| true) / mean(&exact, |_| true) - 1.0).abs();
+    assert!(relative < 1e-8, "{relative}");
+}
+
+/// A hole lets out B times its area; of what glows uniformly in a cavity of ρ = 0.99 that is a sixtieth of what is absorbed.
+#[test]
+fn a_bright_cube_with_a_small_hole_loses_what_the_hole_lets_out() {
+    let hole = 0.03;
+    let mut mesh = hatbox::mesh::Mesh::default();
+    for face in &meshes::CUBE[1..] {
+        meshes::face(&mut mesh, &face.map(glam::DVec3::from), 0);
+    }
+    let at = [0.0, 0.5 - 0.5 * hole, 0.5 + 0.5 * hole, 1.0];
+    for (i, j) in (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).filter(|&ij| ij != (1, 1)) {
+        let corners = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)];
+        meshes::face(&mut mesh, &corners.map(|(i, j)| glam::DVec3::new(at[i], at[j], 0.0)), 0);
+    }
+    let glow = Material { exitance: Quantity::gray(0.01), ..Material::diffuse("walls", 0.99) };
+    let scene = Scene::new(mesh, vec![glow], Physics::Light, None).expect("valid");
+    let solved = solve(&scene, &options(&ALL[1], 150, 1e-2), &Silent).expect("solved");
+    let through = mean(&solved, |_| true) * hole * hole;
+    let escaped = solved.energy.escaped[0];
+    // 200 000 rays meet the hole 30 times: ± 18 %.
+    assert!((escaped / through - 1.0).abs() < 0.4, "{escaped} {through} {:?}", solved.closure);
 }

@@ -1,15 +1,15 @@
 //! Meshes that follow the light: solve, estimate, refine, until the error is what was asked for.
 //!
-//! A round solves on the mesh at hand, estimates ‖B − B̃‖/‖B̃ − B⁰‖, and, if that is too much, refines the cells which
-//! hold half of the indicated square of the error (W. Dörfler, "A convergent adaptive algorithm for Poisson's equation",
-//! SIAM J. Numer. Anal. 33, 1996), or three quarters while the error is still more than twice what it may be. Indicators
-//! are those of [`local_error`], raised where the points of the estimate saw more. Everything that the mesh decides
-//! follows by itself: elements become small where a shadow's border passes and towards the edges of rooms.
+//! A round solves on the mesh at hand, estimates ‖B − B̃‖/‖B̃ − B⁰‖, and, if that is too much, refines the cells that
+//! indicate the greatest errors, as often as it is predicted to take (`marking`). Indicators are those of
+//! [`local_error`], raised where the points of the estimate saw more. Everything that the mesh decides follows by itself:
+//! elements become small where a shadow's border passes and towards the edges of rooms.
 //!
 //! Every round builds its operator afresh. Blocks of cells that did not change could be copied from the last one: vertices
 //! keep their numbers and rays are seeded by them, so that the copies would be the same to the last bit.
 
 mod focus;
+mod marking;
 
 pub use focus::{Focus, NothingInFocus};
 
@@ -18,14 +18,19 @@ use crate::progress::Progress;
 use crate::radiosity::{self, Error, Solution, Solved, System, local_error};
 use crate::scene::Scene;
 use crate::solve::SolveError;
+use marking::Marking;
 use std::time::{Duration, Instant};
 
-/// θ: the part of the indicated square of the error whose cells are refined …
-const BULK: f64 = 0.5;
-/// … and while the error is more than twice what it may be.
-const BULK_FAR: f64 = 0.75;
-/// The operator may have this part of the error.
-const OPERATOR_SHARE: f64 = 0.5;
+/// The next mesh is made for an error of this part of the tolerance, since predictions and estimates scatter.
+const GOAL: f64 = 0.85;
+/// It has so many times the cells at the most: predictions reach no farther.
+const GROWTH: usize = 4;
+/// The operator's tolerance, relative to what is asked for. It is one for the worst row, if all errors were of one sign;
+/// what is left of it in the solution is some thirty times less (on the Cornell box with 1400 elements, 1 % and 30 % give
+/// irradiances that are wrong by 1.342 % and 1.346 %, in 21 and 5 CPU seconds). The residual sees it if it is not.
+const OPERATOR_SHARE: f64 = 5.0;
+/// And no looser than this.
+const OPERATOR_LOOSEST: f64 = 0.1;
 /// Of a residual seen at a cell's points, as much of its square is believed of the cell at least.
 const BELIEVED: f64 = 0.25;
 
@@ -98,12 +103,13 @@ pub struct Adapted {
 /// [`Error`]; nothing is left behind.
 pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Adapted, Error> {
     let mut settings = options.solve;
-    settings.tolerance = OPERATOR_SHARE * options.tolerance;
+    settings.tolerance = (OPERATOR_SHARE * options.tolerance).min(OPERATOR_LOOSEST);
     let mut scene = first_mesh(scene, &settings)?;
     if let Some(focus) = &options.focus {
         scene = in_focus(scene, focus, options);
     }
-    let mut rounds = Vec::new();
+    let (mut rounds, mut marking) = (Vec::new(), Marking::new());
+    let mut parents = Vec::new();
     loop {
         let started = Instant::now();
         let focus = options.focus.as_ref().map(|focus| focus.cells(&scene));
@@ -122,16 +128,56 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
         if estimate <= options.tolerance {
             return Ok(Adapted { system, solved, rounds, reached: true });
         }
-        let squares = error_squares(&solved.solution, &seen, importance.as_deref());
-        let bulk = if estimate > 2.0 * options.tolerance { BULK_FAR } else { BULK };
-        let (finer, _) = solved.solution.scene.bisected(&marked(&squares, bulk));
-        let per_cell = settings.basis.triangle.dofs();
-        // A mesh that does not grow has no error to refine for: what is left is not the elements'.
-        if finer.mesh.cells.len() * per_cell > options.most_coefficients || finer.mesh.cells.len() == elements {
-            return Ok(Adapted { system, solved, rounds, reached: false });
+        let squares = error_squares(&solved.solution, &seen, importance.as_deref(), estimate);
+        marking.learn(&squares, &parents);
+        let goal = (GOAL * options.tolerance / estimate).powi(2);
+        let most = options.most_coefficients / settings.basis.triangle.dofs();
+        match finer_mesh(&solved.solution.scene, squares, &mut marking, goal, most) {
+            Some(finer) => (scene, parents) = finer,
+            None => return Ok(Adapted { system, solved, rounds, reached: false }),
         }
-        scene = finer;
     }
+}
+
+/// The next mesh, and the cell that each of its cells is a piece of; `None` if there is no error to refine for (what is
+/// left is not the elements') or too little room.
+fn finer_mesh(
+    scene: &Scene,
+    squares: Vec<f64>,
+    marking: &mut Marking,
+    goal: f64,
+    most: usize,
+) -> Option<(Scene, Vec<u32>)> {
+    let cells = scene.mesh.cells.len();
+    let mut budget = most.min(GROWTH * cells);
+    while budget > cells {
+        let levels = marking.levels(&squares, goal, budget);
+        let (finer, parents) = refined(scene, &levels);
+        let found = finer.mesh.cells.len();
+        if found == cells {
+            break;
+        }
+        if found <= most {
+            marking.decide(squares, levels);
+            return Some((finer, parents));
+        }
+        // Neighbours are halved, too, which nobody has planned.
+        budget = (budget * most / found).min(budget - 1);
+    }
+    None
+}
+
+/// The scene with each cell refined so many times, once or twice, and the cell that each is a piece of.
+fn refined(scene: &Scene, levels: &[u8]) -> (Scene, Vec<u32>) {
+    let once: Vec<bool> = levels.iter().map(|&level| level > 0).collect();
+    let (scene, parents) = scene.bisected(&once);
+    let twice: Vec<bool> = parents.iter().map(|&parent| levels[parent as usize] > 1).collect();
+    if !twice.contains(&true) {
+        return (scene, parents);
+    }
+    let (scene, second) = scene.bisected(&twice);
+    let parents = second.iter().map(|&parent| parents[parent as usize]).collect();
+    (scene, parents)
 }
 
 /// Triangles to start from.
@@ -149,8 +195,14 @@ fn in_focus(mut scene: Scene, focus: &Focus, options: &Options) -> Scene {
     scene
 }
 
-/// The square of the error of each cell relative to the reflected light, summed over bands, times its importance.
-fn error_squares(solution: &Solution, seen: &[(usize, f64)], importance: Option<&[f64]>) -> Vec<f64> {
+/// The square of the error of each cell relative to the reflected light, times its importance: their sum is the estimate's
+/// square.
+fn error_squares(
+    solution: &Solution,
+    seen: &[(usize, f64)],
+    importance: Option<&[f64]>,
+    estimate: f64,
+) -> Vec<f64> {
     let indicated = local_error(solution);
     let weights: Vec<f64> = indicated.iter_bands().map(|band| total(solution, band)).collect();
     let areas: Vec<f64> = (0..solution.space.cells()).map(|cell| solution.scene.mesh.patch(cell).area()).collect();
@@ -168,39 +220,12 @@ fn error_squares(solution: &Solution, seen: &[(usize, f64)], importance: Option<
     if let Some(importance) = importance {
         squares.iter_mut().zip(importance).for_each(|(square, w)| *square *= w * w);
     }
+    let scale = estimate * estimate / squares.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+    squares.iter_mut().for_each(|square| *square *= scale);
     squares
 }
 
 /// ∫ of the square of an indicator.
 fn total(solution: &Solution, indicated: &[f64]) -> f64 {
     indicated.iter().enumerate().map(|(cell, e)| e * e * solution.scene.mesh.patch(cell).area()).sum()
-}
-
-/// The fewest cells that hold the given part of the sum.
-fn marked(squares: &[f64], bulk: f64) -> Vec<bool> {
-    let mut order: Vec<usize> = (0..squares.len()).collect();
-    order.sort_by(|&a, &b| squares[b].total_cmp(&squares[a]).then(a.cmp(&b)));
-    let target = bulk * squares.iter().sum::<f64>();
-    let mut marked = vec![false; squares.len()];
-    let mut sum = 0.0;
-    for cell in order {
-        if sum >= target || squares[cell] == 0.0 {
-            break;
-        }
-        marked[cell] = true;
-        sum += squares[cell];
-    }
-    marked
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_fewest_cells_that_hold_the_part_are_marked() {
-        assert_eq!(marked(&[1.0, 5.0, 0.0, 4.0], 0.5), [false, true, false, false]);
-        assert_eq!(marked(&[1.0, 5.0, 0.0, 4.0], 0.9), [false, true, false, true]);
-        assert_eq!(marked(&[0.0, 0.0], 0.9), [false, false]);
-    }
 }

@@ -5,6 +5,10 @@
 //! D = I + Δ⁻¹ M_ε, removes it, keeps S symmetric, and leaves what is exactly zero (a walled-up room) at zero. In the
 //! nodal basis of constants D is a diagonal matrix, and this is the symmetric scaling of matrices (R. Sinkhorn 1964);
 //! for quadratics, whose vertex functions have the mean 0, a diagonal matrix would not do.
+//!
+//! An open scene has no row sums to go by, but its rays have measured what escapes of all. Where S loses more or less than
+//! the scatter of the rays allows, it is multiplied by a number: behind a small hole in a bright room, an error of 1e-3
+//! of the row sums would be more than what the hole lets out.
 
 use super::{Exchange, Geometry, Statistics};
 use crate::assemble::function_weighted_mass;
@@ -26,6 +30,8 @@ const GREATEST_DEFICIT: f64 = 0.05;
 const ESCAPE_RAYS: u32 = 16;
 /// Rays of all cells together, at the least: if none gets out, less than 3/200 000 of the light does (95 %).
 const ALL_ESCAPE_RAYS: usize = 200_000;
+/// Standard deviations of the rays beyond which an open scene's S is wrong, and not they.
+const SCATTER: f64 = 3.0;
 /// Relative error of the row sums up to which S counts as balanced.
 const BALANCED: f64 = 1e-11;
 /// Rounds of the scaling: each multiplies what is left of the deficit by about the deficit.
@@ -42,6 +48,8 @@ pub struct Closure {
     pub deficit: f64,
     /// Whether S was scaled to exact row sums.
     pub balanced: bool,
+    /// What S was multiplied by to lose what the rays see escape; 1 in a closed scene.
+    pub factor: f64,
 }
 
 /// Dᵀ S D.
@@ -88,10 +96,13 @@ impl Balanced {
         let total = |x: &MultiVector| x.band(0).iter().sum::<f64>();
         let lost = 1.0 - total(&sums) / total(&target);
         let deficit = cell_deficit(space, &target, &sums);
-        let closure = Closure { escape, lost, deficit, balanced: false };
+        let closure = Closure { escape, lost, deficit, balanced: false, factor: 1.0 };
         let mut balanced = Self { exchange, scaling: None, closure };
         if escape == 0.0 && deficit < GREATEST_DEFICIT {
             balanced.balance(scene, space, mass, mass_inverse, &target);
+        } else if escape > 0.0 && balanced.exchange.is_symmetric() {
+            let rays = rays_per_cell(space.cells(), 0) as usize * space.cells();
+            balanced.closure.factor = open_factor(escape, lost, rays);
         }
         balanced
     }
@@ -172,7 +183,18 @@ impl LinearOperator for Balanced {
             None => self.exchange.apply(x, y),
             Some(d) => *y = d.apply_transposed(&self.exchange.times(&d.apply(x))),
         }
+        if self.closure.factor != 1.0 {
+            y.as_mut_slice().iter_mut().for_each(|value| *value *= self.closure.factor);
+        }
     }
+}
+
+/// What S is to be multiplied by in an open scene: 1 if `lost` is what so many rays may have seen escape.
+fn open_factor(escape: f64, lost: f64, rays: usize) -> f64 {
+    let scatter = (escape * (1.0 - escape) / rays.max(1) as f64).sqrt();
+    let factor = (1.0 - escape) / (1.0 - lost);
+    let believed = (lost - escape).abs() > SCATTER * scatter && (factor - 1.0).abs() < GREATEST_DEFICIT;
+    if believed { factor } else { 1.0 }
 }
 
 impl Exchange for Balanced {
@@ -240,8 +262,7 @@ pub fn escapes(
 ) -> Result<Vec<f64>, Interrupted> {
     let mesh = &geometry.scene.mesh;
     let receives = receiving_sides(geometry.scene);
-    let count = ALL_ESCAPE_RAYS.div_ceil(mesh.cells.len().max(1)).max(ESCAPE_RAYS as usize) as u32;
-    let count = count.max(rays);
+    let count = rays_per_cell(mesh.cells.len(), rays);
     let lost = |cell: usize| {
         let (patch, surface) = (mesh.patch(cell), mesh.cells[cell].surface);
         let set = hash(seed ^ 0x6573_6361, cell as u64);
@@ -254,6 +275,12 @@ pub fn escapes(
         if progress.interrupted() { Err(Interrupted) } else { Ok(escaped / f64::from(count)) }
     };
     (0..mesh.cells.len()).into_par_iter().map(lost).collect()
+}
+
+/// Rays from each cell that look for a way out, `least` at the least.
+fn rays_per_cell(cells: usize, least: u32) -> u32 {
+    let enough = ALL_ESCAPE_RAYS.div_ceil(cells.max(1)) as u32;
+    enough.max(ESCAPE_RAYS).max(least)
 }
 
 /// Whether the front and the back of each face of the input receive light.

@@ -14,7 +14,7 @@ mod tree;
 
 pub use choice::{AUTO, choose};
 pub use closure::{Balanced, Closure, escape, escapes};
-pub use dense::{Dense, RowFacts, Views};
+pub use dense::{Dense, PointRow, RowFacts, Views};
 pub use norm::norm;
 pub use sampled::Sampled;
 

@@ -2,13 +2,15 @@
 //!
 //! E(x) = ∫ B̃(y) G(x, y) V(x, y) dA(y) over all panels: the iterate of I. H. Sloan ("Improvement by iteration for compact
 //! operator equations", Math. Comp. 30, 1976). Half an order more accurate than B̃ itself, and independent of the
-//! quadrature that S was assembled with.
+//! quadrature that S was assembled with. Shadows are exact: what convex polygons hide of a panel is cut out. Rays are
+//! cast only where too many of them stand in the way.
 
 use super::Solution;
-use crate::assemble::{Panel, point_row};
+use crate::assemble::Panel;
+use crate::exchange::{PointRow, Views};
 use crate::kernel::geometric;
 use crate::quadrature::sequence::{hash, point};
-use crate::visibility::{Bvh, Visibility};
+use crate::visibility::Visibility;
 use glam::DVec3;
 
 /// A ray stands for at most this solid angle, divided by the panel's strength.
@@ -19,7 +21,7 @@ const MAX_RAYS: u32 = 1024;
 /// Gathers irradiance from the panels of a solved scene.
 pub struct Gather<'a> {
     pub(super) panels: &'a [Panel],
-    pub(super) blockers: &'a Bvh,
+    pub(super) views: Views<'a>,
     /// How strongly each panel's light counts; strong ones are sampled more finely.
     pub(super) strengths: &'a [f64],
     pub(super) solution: &'a Solution,
@@ -37,42 +39,45 @@ impl Gather<'_> {
     /// 0, that of one with itself has not.
     pub fn independent<const N: usize>(&self, x: DVec3, n: DVec3, surface: u32, seeds: [u64; N]) -> [Vec<f64>; N] {
         let mut sums = std::array::from_fn(|_| vec![0.0; self.solution.bands()]);
+        let mut list = Vec::new();
         for (cell, panel) in self.panels.iter().enumerate() {
-            if panel.surface != surface {
-                self.add(cell, x, n, surface, &seeds, &mut sums);
+            if panel.surface == surface || self.is_dark(cell) {
+                continue;
+            }
+            let (row, visible) = match self.views.point_row(panel, (x, n), surface, &mut list) {
+                None => continue,
+                Some(PointRow::Exact(row)) => (row, [1.0; N]),
+                Some(PointRow::Unoccluded(row)) => (row, self.visible_shares(cell, x, n, surface, seeds)),
+            };
+            for (band, sent) in self.sent(cell, &row) {
+                for (sum, visible) in sums.iter_mut().zip(visible) {
+                    sum[band] += visible * sent;
+                }
             }
         }
         sums
     }
 
-    /// Adds what one panel sends: the unoccluded integral times the visible share of the light, by rays whose number
-    /// follows how much the panel may matter.
-    fn add<const N: usize>(
-        &self,
-        cell: usize,
-        x: DVec3,
-        n: DVec3,
-        surface: u32,
-        seeds: &[u64; N],
-        sums: &mut [Vec<f64>; N],
-    ) {
+    /// Whether nothing leaves a cell.
+    fn is_dark(&self, cell: usize) -> bool {
+        let range = self.solution.space.range(cell);
+        self.solution.radiosity.iter_bands().all(|band| band[range.clone()].iter().all(|&b| b == 0.0))
+    }
+
+    /// What arrives of a cell's light in each band, if each of its functions sends so much.
+    fn sent<'b>(&'b self, cell: usize, row: &'b [f64]) -> impl Iterator<Item = (usize, f64)> + 'b {
+        let functions = self.solution.space.range(cell);
+        let of = move |b: &[f64]| b[functions.clone()].iter().zip(row).map(|(b, r)| b * r).sum::<f64>();
+        self.solution.radiosity.iter_bands().map(of).enumerate()
+    }
+
+    /// The visible share of a cell's light by rays, whose number follows how much the cell may matter; one for each seed.
+    fn visible_shares<const N: usize>(&self, cell: usize, x: DVec3, n: DVec3, surface: u32, seeds: [u64; N]) -> [f64; N] {
         let panel = &self.panels[cell];
-        let Some(row) = point_row(panel, x, n) else { return };
         let distance = (panel.center.distance(x) - panel.radius).max(0.25 * panel.radius);
         let weight = self.strengths.get(cell).copied().unwrap_or(1.0) * panel.area() / (distance * distance);
         let rays = (weight / FINEST).ceil().clamp(1.0, f64::from(MAX_RAYS)) as u32;
-        let visible = seeds.map(|seed| self.visible_share(panel, x, n, surface, hash(seed, cell as u64), rays));
-        if visible.iter().all(|&share| share <= 0.0) {
-            return;
-        }
-        let functions = self.solution.space.range(cell);
-        for band in 0..self.solution.bands() {
-            let b = &self.solution.radiosity.band(band)[functions.clone()];
-            let sent: f64 = b.iter().zip(row).map(|(b, r)| b * r).sum();
-            for (sum, visible) in sums.iter_mut().zip(visible) {
-                sum[band] += visible * sent;
-            }
-        }
+        seeds.map(|seed| self.visible_share(panel, x, n, surface, hash(seed, cell as u64), rays))
     }
 
     /// ΣVG/ΣG over points of the panel.
@@ -83,7 +88,7 @@ impl Gather<'_> {
             let y = panel.sample(p[0], p[1]);
             let g = geometric(x, n, y, panel.normal());
             all += g;
-            if g > 0.0 && !self.blockers.occluded(x, y, [surface, panel.surface]) {
+            if g > 0.0 && !self.views.blockers.occluded(x, y, [surface, panel.surface]) {
                 seen += g;
             }
         }

@@ -10,6 +10,7 @@
 
 mod gather;
 mod indicator;
+mod lossless;
 mod operators;
 mod reconstruct;
 mod residual;

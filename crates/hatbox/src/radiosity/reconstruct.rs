@@ -4,12 +4,13 @@ use super::system::strengths;
 use super::{Gather, Solution, local_error};
 use crate::assemble::Panel;
 use crate::element::ALL;
+use crate::exchange::Views;
 use crate::linalg::MultiVector;
 use crate::progress::{Interrupted, Progress};
 use crate::quadrature::sequence::hash;
 use crate::scene::{Material, Quantity, Scene};
 use crate::space::FunctionSpace;
-use crate::visibility::Bvh;
+use crate::visibility::{Bvh, Occluders};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -26,8 +27,9 @@ const INWARD: f64 = 1e-4;
 pub fn gathered(solution: &Solution, seed: u64, progress: &dyn Progress) -> Result<Solution, Interrupted> {
     let (scene, space) = (&solution.scene, &solution.space);
     let panels = Panel::of(&scene.mesh, space);
-    let (blockers, strengths) = (Bvh::of_surfaces(&scene.surfaces), strengths(scene));
-    let gather = Gather { panels: &panels, blockers: &blockers, strengths: &strengths, solution };
+    let (occluders, blockers) = (Occluders::new(&scene.surfaces), Bvh::of_surfaces(&scene.surfaces));
+    let views = Views { occluders: &occluders, blockers: &blockers };
+    let gather = Gather { panels: &panels, views, strengths: &strengths(scene), solution };
     let nodes = nodes(space);
     progress.begin("gathering", nodes.len() as u64);
     let values: Result<Vec<Vec<[f64; 2]>>, Interrupted> = nodes

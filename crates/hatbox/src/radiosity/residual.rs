@@ -5,8 +5,9 @@
 //!
 //! - ‖r‖ from irradiance gathered afresh, with its own quadrature and its own rays, at points drawn where the indicators
 //!   see error, where the error is asked of, and all over the surfaces (a third of them each). Visibility, quadrature, discretisation and the
-//!   solver are all in it. Each point has two independent gathers whose residuals are *multiplied*, so that the noise of
-//!   the rays does not pass for an error of the solution. To the mean one standard error is added.
+//!   solver are all in it. Shadows are exact there. Where rays have to tell, each point has two independent gathers whose
+//!   residuals are *multiplied*, so that their noise does not pass for an error of the solution. To the mean two standard
+//!   errors are added.
 //! - p = R K (r + p) is what the residual causes elsewhere. Galerkin's residual is orthogonal to the space, and K
 //!   smooths: what is left of it to multiply are its means over whole parts of the scene, left by the operator's error.
 //!   They are measured at the same points, and their reflections are computed with the same S.
@@ -28,6 +29,8 @@ use crate::quadrature::sequence::{hash, point};
 use crate::solve::{Info, SolveError};
 use rayon::prelude::*;
 
+/// Standard errors that are added to the mean of r²: few points fall where r is greatest, at edges and in corners.
+const DEVIATIONS: f64 = 2.0;
 /// A part of the scene with fewer points than this has no mean.
 const LEAST_POINTS: usize = 6;
 /// A residual that is smaller than B̃ by this factor is none.
@@ -41,7 +44,7 @@ const DIRECTIONS: usize = 6;
 pub struct ErrorEstimate {
     /// The estimated relative L2 error of the reflected light.
     pub relative: f64,
-    /// ‖r‖/‖B̃ − B⁰‖, with one standard error of its sampling.
+    /// ‖r‖/‖B̃ − B⁰‖, with two standard errors of its sampling.
     pub residual: f64,
     /// ‖p‖/‖B̃ − B⁰‖, what the residual causes by reflection.
     pub propagated: f64,
@@ -261,7 +264,7 @@ impl<'a> Measure<'a> {
         self.system.gather(self.solution).independent(patch.point(at), patch.normal(), surface, seeds)
     }
 
-    /// ‖r‖ with one standard error, and the data's part, per band.
+    /// ‖r‖ with two standard errors, and the data's part, per band.
     fn residuals(&self, samples: &[Sample]) -> Vec<[f64; 2]> {
         let within = || samples.iter().filter(|sample| self.counts(sample.cell));
         let of = |band: usize| {
@@ -270,7 +273,7 @@ impl<'a> Measure<'a> {
             let deviation = within().map(square).map(|s| s * s).sum::<f64>() - sum * sum / samples.len().max(1) as f64;
             let data: f64 = within().map(|s| s.area * s.bands[band][2].powi(2)).sum();
             // `max` would drop what is no number.
-            let total = sum + deviation.max(0.0).sqrt();
+            let total = sum + DEVIATIONS * deviation.max(0.0).sqrt();
             [if total < 0.0 { 0.0 } else { total.sqrt() }, data.sqrt()]
         };
         (0..self.solution.bands()).map(of).collect()

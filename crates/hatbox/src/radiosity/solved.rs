@@ -56,7 +56,7 @@ impl Default for Options {
 }
 
 /// Why there is no solution.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
     /// The mesh cannot be subdivided as asked.
     #[error(transparent)]
@@ -70,6 +70,18 @@ pub enum Error {
     /// The system was not solved.
     #[error(transparent)]
     Solve(#[from] SolveError),
+    /// Nothing absorbs: there is no solution.
+    #[error(
+        "the scene is closed and nothing in it absorbs light of band {band}: the radiosity has no bound (materials with \
+         reflectance 1: {})",
+        materials.join(", ")
+    )]
+    Lossless {
+        /// The first band of which that is true.
+        band: usize,
+        /// The materials that reflect everything.
+        materials: Vec<String>,
+    },
     /// A cell is too thin for its integrals: its mass matrix is singular to rounding.
     #[error("an element has no area to rounding; remove slivers from the mesh (`hatbox check` lists them)")]
     Degenerate,
@@ -202,8 +214,7 @@ impl System {
     ) -> Result<(Solved, Vec<(usize, f64)>), Error> {
         let started = Instant::now();
         let kind = options.solver.unwrap_or_else(|| self.best_solver());
-        let params = solve::Params { tolerance: self.solver_tolerance(), ..Default::default() };
-        let (solution, info) = self.solve(kind, &params, progress)?;
+        let (solution, info) = self.solve(kind, &self.solver_params(kind), progress)?;
         let solver_time = started.elapsed();
         let within = within(self, &solution)?;
         let sampling = Sampling { points: options.error_points, seed: options.seed, within: within.as_deref() };

@@ -1,3 +1,4 @@
+use super::lossless::{lossless_band, mirrors};
 use super::operators::{Equation, InverseMass, Join, Mass, Symmetric, Transport, preconditioner};
 use super::{Energy, Error, Gather, MaterialsError, Solution};
 use crate::assemble::{Accuracy, Block, Panel, load, mass, weighted_mass};
@@ -17,6 +18,8 @@ use std::time::{Duration, Instant};
 const SOLVER_TOLERANCE: f64 = 1e-11;
 /// An operator that is sampled errs by far more than this, and its products are most of the time.
 const SAMPLED_SOLVER_TOLERANCE: f64 = 1e-7;
+/// Bounces that Neumann's iteration may take at the most.
+const MOST_BOUNCES: usize = 100_000;
 /// Steps of Arnoldi's method for the norm of the operator: an exact one costs little to apply, a sampled one has its
 /// greatest gain among the first.
 const NORM_STEPS: [usize; 2] = [12, 4];
@@ -37,6 +40,15 @@ pub(super) fn strengths(scene: &Scene) -> Vec<f64> {
     let sink: f64 = (0..cells).map(|cell| areas[cell] * absorbed(cell)).sum();
     let mean = power / sink.max(0.05 * areas.iter().sum::<f64>());
     (0..cells).map(|cell| if mean > 0.0 { (exitance(cell) / mean).max(1.0) } else { 1.0 }).collect()
+}
+
+/// The greatest reflectance of any cell in any band, at its middle.
+fn greatest_reflectance(scene: &Scene) -> f64 {
+    let of = |cell: usize| {
+        let site = scene.site(cell, [1.0 / 3.0, 1.0 / 3.0]);
+        (0..scene.bands).map(|band| scene.material(cell).reflectance.at(&site, band)).fold(0.0, f64::max)
+    };
+    (0..scene.mesh.cells.len()).map(of).fold(0.0, f64::max)
 }
 
 /// What does not depend on the light: a space on a scene, its mass matrix and its exchange operator.
@@ -75,7 +87,7 @@ impl System {
     /// Builds the operator.
     ///
     /// # Errors
-    /// [`Error::Exchange`], [`Error::Degenerate`].
+    /// [`Error::Exchange`], [`Error::Degenerate`], [`Error::Lossless`].
     pub fn new(
         scene: Scene,
         space: FunctionSpace,
@@ -88,6 +100,9 @@ impl System {
         let mass = mass(&scene, &space);
         let mass_inverse = mass.inverse().ok_or(Error::Degenerate)?;
         let geometry = Geometry::new(&scene, &space, &blockers, &panels);
+        if let Some(band) = lossless_band(&geometry, params.seed, progress).map_err(ExchangeError::from)? {
+            return Err(Error::Lossless { band, materials: mirrors(&scene, band) });
+        }
         let exchange = (kind.build)(&geometry, params, progress)?;
         let escape = match exchange.escape() {
             Some(escape) => escape,
@@ -120,9 +135,13 @@ impl System {
     /// The block S_ij = ∬ N_i N_j G V of two cells, integrated afresh as the dense operator would, to a tolerance of its own,
     /// and not balanced.
     pub fn pair_block(&self, i: usize, j: usize, accuracy: &Accuracy) -> Block {
+        self.views().pair_block([&self.panels()[i], &self.panels()[j]], [1.0; 2], accuracy)
+    }
+
+    /// What stands between.
+    fn views(&self) -> exchange::Views<'_> {
         let occluders = self.occluders.get_or_init(|| Occluders::new(&self.scene.surfaces));
-        let views = exchange::Views { occluders, blockers: &self.blockers };
-        views.pair_block([&self.panels()[i], &self.panels()[j]], [1.0; 2], accuracy)
+        exchange::Views { occluders, blockers: &self.blockers }
     }
 
     /// Replaces the materials, one by one, and keeps the operator: another light (new B⁰), another paint (new R).
@@ -159,9 +178,19 @@ impl System {
         exchange::norm(&*self.exchange, &self.mass, &self.mass_inverse, steps)
     }
 
-    /// How far the solver should go: as far as power balances by the operator.
-    pub fn solver_tolerance(&self) -> f64 {
-        if self.exchange.is_symmetric() { SOLVER_TOLERANCE } else { SAMPLED_SOLVER_TOLERANCE }
+    /// How far the solver should go, as far as power balances by the operator, and how long it may take.
+    ///
+    /// Neumann's iteration takes a bounce at a time, and each leaves the greatest reflectance ρ of the last: it may take
+    /// twice ln τ/ln ρ of them, since its residual is relative to one bounce less.
+    pub fn solver_params(&self, kind: solve::Kind) -> solve::Params {
+        let tolerance = if self.exchange.is_symmetric() { SOLVER_TOLERANCE } else { SAMPLED_SOLVER_TOLERANCE };
+        let params = solve::Params { tolerance, ..Default::default() };
+        if kind != solve::Kind::Neumann {
+            return params;
+        }
+        let bounces = 2.0 * tolerance.ln() / greatest_reflectance(&self.scene).ln();
+        // A float that is too large for an integer becomes the largest; ρ = 0 gives 0, and ρ = 1 no number of bounces.
+        solve::Params { max_iterations: params.max_iterations.max((bounces as usize).min(MOST_BOUNCES)), ..params }
     }
 
     /// The relative L2 error of the irradiance that the operator makes, from two halves of its samples where it is
@@ -304,7 +333,7 @@ impl System {
 
     /// Irradiance at any point, from a solution of this system.
     pub fn gather<'a>(&'a self, solution: &'a Solution) -> Gather<'a> {
-        Gather { panels: self.panels(), blockers: &self.blockers, strengths: &self.strengths, solution }
+        Gather { panels: self.panels(), views: self.views(), strengths: &self.strengths, solution }
     }
 
     /// What surfaces reflect, again and again, if they emit a function of the broken space: (I − RK)⁻¹RK of it, to three

@@ -80,6 +80,51 @@ pub(super) fn block(
     })
 }
 
+/// ∫N_k G V over a part of a panel at the point `x` of a surface with normal `n`, behind polygons; `None` if it comes to
+/// too many pieces.
+pub(super) fn row(
+    source: &Panel,
+    from: &Region,
+    polygons: &[&[DVec3]],
+    x: DVec3,
+    n: DVec3,
+) -> Option<[f64; MAX_DOFS]> {
+    let between = |polygon: &&[DVec3]| {
+        let above_point = clip(polygon, |p| n.dot(p - x));
+        let above_both = clip(&above_point, |p| source.normal().dot(p - source.patch.corners()[0]));
+        (above_both.len() >= 3).then_some(above_both)
+    };
+    let blockers: Vec<Polygon> = polygons.iter().filter_map(between).collect();
+    visible_row(source, from, &blockers, (x, n), |_| {})
+}
+
+/// ∫N_k G V over a part of a panel at a point with a normal; `found` hears of the blockers that hide some of it.
+fn visible_row(
+    source: &Panel,
+    from: &Region,
+    blockers: &[Polygon],
+    (x, n): (DVec3, DVec3),
+    mut found: impl FnMut(usize),
+) -> Option<[f64; MAX_DOFS]> {
+    let mut pieces = vec![from.corners().iter().copied().collect::<Polygon>()];
+    let mut hidden = false;
+    for (k, blocker) in blockers.iter().enumerate() {
+        if remove_cone(&mut pieces, x, blocker) {
+            hidden = true;
+            found(k);
+        }
+    }
+    if pieces.len() > MAX_PIECES {
+        return None;
+    }
+    let mut sum = [0.0; MAX_DOFS];
+    for piece in pieces.iter().filter(|piece| !hidden || width(piece) > CRACK * source.radius) {
+        let values = Inner::new(source, piece).at(x, n);
+        sum = std::array::from_fn(|k| sum[k] + values[k]);
+    }
+    Some(sum)
+}
+
 /// A receiver, a source, and what hides parts of it.
 struct Shadow<'a> {
     receiver: &'a Panel,
@@ -120,27 +165,15 @@ impl<'a> Shadow<'a> {
 
     /// ∫N_k G V over the source at a point of the receiver.
     fn irradiance(&self, x: DVec3) -> [f64; MAX_DOFS] {
-        let whole: Polygon = self.from.corners().iter().copied().collect();
-        let mut pieces = vec![whole];
-        let mut hidden = false;
         if self.overflowed.get() {
             return [0.0; MAX_DOFS];
         }
-        for (k, blocker) in self.blockers.iter().enumerate() {
-            if remove_cone(&mut pieces, x, blocker) {
-                hidden = true;
-                self.affected.set(self.affected.get() | 1_u32.checked_shl(k as u32).unwrap_or(0));
-            }
-        }
-        if pieces.len() > MAX_PIECES {
+        let found = |k: usize| self.affected.set(self.affected.get() | 1_u32.checked_shl(k as u32).unwrap_or(0));
+        let row = visible_row(self.source, self.from, self.blockers, (x, self.receiver.normal()), found);
+        row.unwrap_or_else(|| {
             self.overflowed.set(true);
-        }
-        let mut sum = [0.0; MAX_DOFS];
-        for piece in pieces.iter().filter(|piece| !hidden || width(piece) > CRACK * self.source.radius) {
-            let values = Inner::new(self.source, piece).at(x, self.receiver.normal());
-            sum = std::array::from_fn(|k| sum[k] + values[k]);
-        }
-        sum
+            [0.0; MAX_DOFS]
+        })
     }
 
     /// What blockers that no point saw may take away of a sum.

@@ -22,7 +22,7 @@ mod region;
 mod sampled;
 mod touching;
 
-pub use point::point_row;
+pub use point::{Outlook, point_row};
 pub use region::Facing;
 
 use super::Panel;

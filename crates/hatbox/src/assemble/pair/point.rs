@@ -1,6 +1,6 @@
 //! ∫N_k(y) G(x, y) dA(y): what a point receives from a panel, as if nothing stood between.
 
-use super::Region;
+use super::{Region, clipped};
 use super::gauss::Nodes;
 use super::near::Inner;
 use crate::assemble::Panel;
@@ -18,22 +18,55 @@ const NEAR_DEGREE: usize = 14;
 /// ∫N_k G over a panel for each of its shape functions, at the point `x` of a surface with unit normal `n`; `None` if
 /// the panel faces away or lies below the point's horizon. Dimensionless.
 pub fn point_row(panel: &Panel, x: DVec3, n: DVec3) -> Option<[f64; MAX_DOFS]> {
-    if panel.normal().dot(x - panel.patch.corners()[0]) <= 0.0 {
-        return None;
+    Outlook::new(panel, x, n).map(|outlook| outlook.row())
+}
+
+/// A panel as a point of a surface sees it: the part above the horizon.
+#[derive(Debug, Clone, Copy)]
+pub struct Outlook<'a> {
+    panel: &'a Panel,
+    region: Region,
+    x: DVec3,
+    n: DVec3,
+}
+
+impl<'a> Outlook<'a> {
+    /// From the point `x` of a surface with unit normal `n`; `None` if the panel faces away or lies below the horizon.
+    pub fn new(panel: &'a Panel, x: DVec3, n: DVec3) -> Option<Self> {
+        if panel.normal().dot(x - panel.patch.corners()[0]) <= 0.0 {
+            return None;
+        }
+        Region::in_front(&panel.patch, x, n).map(|region| Self { panel, region, x, n })
     }
-    let region = Region::in_front(&panel.patch, x, n)?;
-    if panel.radius < FAR * panel.center.distance(x) {
-        return Some(sum(&Nodes::on(panel, &region, FAR_RUNG), panel, x, n));
+
+    /// The corners of the part.
+    pub fn corners(&self) -> &[DVec3] {
+        self.region.corners()
     }
-    if panel.functions.is_some() {
-        return Some(Inner::new(panel, region.corners()).at(x, n));
+
+    /// ∫N_k G over the part, dimensionless.
+    pub fn row(&self) -> [f64; MAX_DOFS] {
+        let &Self { panel, ref region, x, n } = self;
+        if panel.radius < FAR * panel.center.distance(x) {
+            return sum(&Nodes::on(panel, region, FAR_RUNG), panel, x, n);
+        }
+        if panel.functions.is_some() {
+            return Inner::new(panel, region.corners()).at(x, n);
+        }
+        let mut total = [0.0; MAX_DOFS];
+        for triangle in region.triangles() {
+            let part = sum(&Nodes::on_triangle(panel, &triangle, NEAR_DEGREE), panel, x, n);
+            total = std::array::from_fn(|k| total[k] + part[k]);
+        }
+        total
     }
-    let mut total = [0.0; MAX_DOFS];
-    for triangle in region.triangles() {
-        let part = sum(&Nodes::on_triangle(panel, &triangle, NEAR_DEGREE), panel, x, n);
-        total = std::array::from_fn(|k| total[k] + part[k]);
+
+    /// ∫N_k G V over the part behind convex polygons, exactly: what they hide is cut out. `None` if what is left comes to
+    /// too many pieces, or where there is no closed form.
+    pub fn row_behind(&self, polygons: &[&[DVec3]]) -> Option<[f64; MAX_DOFS]> {
+        self.panel.functions.as_ref()?;
+        clipped::row(self.panel, &self.region, polygons, self.x, self.n)
     }
-    Some(total)
 }
 
 /// Σ_q w_q N_k(y_q) G(x, y_q).

@@ -11,7 +11,7 @@ mod facts;
 mod views;
 
 pub use facts::RowFacts;
-pub use views::Views;
+pub use views::{PointRow, Views};
 
 use super::{Exchange, ExchangeError, Geometry, Params, Statistics};
 use crate::assemble::Panel;

@@ -1,7 +1,9 @@
 //! What stands between two panels or clusters, and the block of two panels behind it.
 
-use crate::assemble::{Accuracy, Block, Facing, Panel, Sight, facing_block, pair_block};
+use crate::assemble::{Accuracy, Block, Facing, Outlook, Panel, Sight, facing_block, pair_block};
+use crate::element::MAX_DOFS;
 use crate::visibility::{Bvh, Occluders, Shaft, ShaftResult, Visibility};
+use glam::DVec3;
 
 /// More possible blockers than this in a shaft are not listed.
 const MAX_CANDIDATES: usize = 48;
@@ -19,6 +21,15 @@ pub(super) enum Between<'a> {
     Some(&'a [u32]),
     /// More than are worth listing.
     Many,
+}
+
+/// What a point receives from each function of a panel, dimensionless.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PointRow {
+    /// With all shadows.
+    Exact([f64; MAX_DOFS]),
+    /// As if nothing stood between, although more does than can be cut out: rays have to tell.
+    Unoccluded([f64; MAX_DOFS]),
 }
 
 /// The opaque faces of a scene, twice: as few large polygons for proofs and exact shadows, and as they are for rays.
@@ -43,6 +54,24 @@ impl Views<'_> {
         match between {
             Between::Some(candidates) if self.is_hidden(&shaft, candidates) => blocked(),
             _ => self.block(panels, &facing, between, weights, accuracy),
+        }
+    }
+
+    /// What the point `x` of a face of that index, with unit normal `n`, receives from a panel; `None` if nothing. `list` is
+    /// scratch space.
+    pub fn point_row(&self, panel: &Panel, (x, n): (DVec3, DVec3), surface: u32, list: &mut Vec<u32>) -> Option<PointRow> {
+        let outlook = Outlook::new(panel, x, n)?;
+        let shaft = Shaft::new(&[x], outlook.corners());
+        let skip = [self.occluders.of_surface(surface), self.polygon(panel)];
+        match self.narrowed(&shaft, skip, Between::Many, list) {
+            Between::Nothing => Some(PointRow::Exact(outlook.row())),
+            Between::Some(candidates) if self.is_hidden(&shaft, candidates) => None,
+            Between::Some(candidates) if candidates.len() <= MAX_CLIPPED => {
+                let polygons: Vec<_> = candidates.iter().map(|&k| self.occluders.polygon(k)).collect();
+                let exact = outlook.row_behind(&polygons).map(PointRow::Exact);
+                Some(exact.unwrap_or_else(|| PointRow::Unoccluded(outlook.row())))
+            }
+            _ => Some(PointRow::Unoccluded(outlook.row())),
         }
     }
 

@@ -1,0 +1,47 @@
+//! Scenes without a solution: closed and lit, with surfaces that reflect everything. Light that enters never ends, and the
+//! solver would say no more than that it does not converge.
+
+use crate::exchange::{self, Geometry};
+use crate::progress::{Interrupted, Progress};
+use crate::scene::{Quantity, Scene};
+
+/// Surfaces that absorb less than this reflect everything.
+const ABSORBS: f64 = 1e-9;
+
+/// The first band in which the scene has no solution, by rays that look for a way out.
+pub(super) fn lossless_band(
+    geometry: &Geometry<'_>,
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<Option<usize>, Interrupted> {
+    let scene = geometry.scene;
+    let cells = || 0..scene.mesh.cells.len();
+    let somewhere = |band: usize, test: &dyn Fn(usize, usize) -> bool| cells().any(|cell| test(cell, band));
+    let absorbs = |cell: usize, band: usize| least(scene, cell, band) < 1.0 - ABSORBS;
+    let emits = |cell: usize, _| !scene.material(cell).exitance.is_zero();
+    let suspect = (0..scene.bands).find(|&band| somewhere(band, &emits) && !somewhere(band, &absorbs));
+    match suspect {
+        Some(band) if exchange::escape(geometry, seed, progress)? == 0.0 => Ok(Some(band)),
+        _ => Ok(None),
+    }
+}
+
+/// The least reflectance of a cell, at its middle and its corners if it varies.
+fn least(scene: &Scene, cell: usize, band: usize) -> f64 {
+    let reflectance: &Quantity = &scene.material(cell).reflectance;
+    reflectance.uniform(band).unwrap_or_else(|| {
+        let corners = scene.mesh.patch(cell).shape().reference_corners();
+        let places = corners.iter().copied().chain([[1.0 / 3.0, 1.0 / 3.0]]);
+        places.map(|at| reflectance.at(&scene.site(cell, at), band)).fold(f64::INFINITY, f64::min)
+    })
+}
+
+/// The names of the materials that reflect all light of a band, of those that are used.
+pub(super) fn mirrors(scene: &Scene, band: usize) -> Vec<String> {
+    let bright = |&cell: &usize| least(scene, cell, band) >= 1.0 - ABSORBS;
+    let mut names: Vec<String> =
+        (0..scene.mesh.cells.len()).filter(bright).map(|cell| scene.material(cell).name.clone()).collect();
+    names.sort_unstable();
+    names.dedup();
+    names
+}
