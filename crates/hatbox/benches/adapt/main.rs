@@ -43,7 +43,8 @@ fn main() -> Result<()> {
     let words = &arguments[..plot.unwrap_or(arguments.len())];
     let parts = ["asked", "ladder", "focus"];
     let names = words.iter().filter(|word| !parts.contains(&word.as_str())).collect::<Vec<_>>();
-    let wanted = |part: &str| !words.iter().any(|word| parts.contains(&word.as_str())) || words.iter().any(|w| w == part);
+    let wanted =
+        |part: &str| !words.iter().any(|word| parts.contains(&word.as_str())) || words.iter().any(|w| w == part);
     let cases = || CASES.iter().filter(|case| names.is_empty() || names.iter().any(|word| case.name.contains(*word)));
     if wanted("asked") {
         for case in cases() {

@@ -63,7 +63,8 @@ fn draw_panel(svg: &mut String, panel: &Panel, [left, top]: [f64; 2]) {
     for decade in range[0][0] as i32..=range[0][1] as i32 {
         let at = x(10_f64.powi(decade));
         let _ = writeln!(svg, "<path d=\"M{at:.1} {y0:.1}V{y1:.1}\" stroke=\"#ddd\"/>");
-        let label = if decade < 0 { format!("{}", 10_f64.powi(decade)) } else { format!("{}", 10_u64.pow(decade as u32)) };
+        let label =
+            if decade < 0 { format!("{}", 10_f64.powi(decade)) } else { format!("{}", 10_u64.pow(decade as u32)) };
         let _ = writeln!(svg, "<text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{label}</text>", y0 + 14.0);
     }
     for decade in range[1][0] as i32..=range[1][1] as i32 {
@@ -75,10 +76,15 @@ fn draw_panel(svg: &mut String, panel: &Panel, [left, top]: [f64; 2]) {
     for curve in &panel.curves {
         let color = COLORS.iter().find(|(name, _)| *name == curve.name).map_or("black", |(_, color)| color);
         let dash = if curve.dashed { " stroke-dasharray=\"5 4\"" } else { "" };
-        let points: Vec<String> =
-            curve.points.iter().filter(|p| p[0] > 0.0 && p[1] > 0.0).map(|p| format!("{:.1},{:.1}", x(p[0]), y(p[1]))).collect();
+        let points: Vec<String> = curve
+            .points
+            .iter()
+            .filter(|p| p[0] > 0.0 && p[1] > 0.0)
+            .map(|p| format!("{:.1},{:.1}", x(p[0]), y(p[1])))
+            .collect();
         let line = points.join(" ");
-        let _ = writeln!(svg, "<polyline points=\"{line}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.6\"{dash}/>");
+        let _ =
+            writeln!(svg, "<polyline points=\"{line}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.6\"{dash}/>");
         for point in &points {
             let (cx, cy) = point.split_once(',').unwrap_or_default();
             let _ = writeln!(svg, "<circle cx=\"{cx}\" cy=\"{cy}\" r=\"2.4\" fill=\"{color}\"/>");

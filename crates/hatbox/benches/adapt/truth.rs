@@ -16,7 +16,7 @@ use std::path::Path;
 /// Points, one in each cell of a uniform mesh of so many.
 const POINTS: usize = 4000;
 /// The tolerance of the solution that is gathered from.
-const FINE: f64 = 0.005;
+const FINE: f64 = 0.002;
 
 /// Reflected light at points that each stand for an area.
 pub(crate) struct Truth {
@@ -30,7 +30,7 @@ pub(crate) struct Truth {
 }
 
 impl Truth {
-    /// B⁰ + R K B̃ for a quadratic solution B̃ to half a percent: K smooths what is wrong with it, and shadows are exact.
+    /// B⁰ + R K B̃ for a quadratic solution B̃ to 0.2 %: K smooths what is wrong with it, and shadows are exact.
     pub(crate) fn gathered(scene: &Scene) -> Result<Self> {
         let defaults = adapt::Options::default();
         let options = adapt::Options {
@@ -67,8 +67,11 @@ impl Truth {
     pub(crate) fn of_the_cornell_box(_: &Scene) -> Result<Self> {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/cornell_irradiance.csv");
         let table = std::fs::read_to_string(path)?;
-        let rows: Vec<Vec<f64>> =
-            table.lines().skip(1).map(|line| line.split(',').map(str::parse).collect()).collect::<std::result::Result<_, _>>()?;
+        let rows: Vec<Vec<f64>> = table
+            .lines()
+            .skip(1)
+            .map(|line| line.split(',').map(str::parse).collect())
+            .collect::<std::result::Result<_, _>>()?;
         let places = rows.iter().map(|r| (DVec3::new(r[0], r[1], r[2]), DVec3::new(r[3], r[4], r[5]))).collect();
         Ok(Self {
             origin: "the irradiance of a path tracer (noise 0.18 %)".to_owned(),

@@ -14,7 +14,8 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 
-type Line = [DVec3; 2];
+/// A segment.
+pub type Line = [DVec3; 2];
 
 /// Lines that are closer to parallel than this (as a sine) are not asked where they cross; their ends tell where they
 /// meet.
@@ -45,11 +46,32 @@ impl Mesh {
     /// the mesh itself.
     #[must_use]
     pub fn split_at_contacts(&self, tolerance: f64) -> (Self, usize) {
-        let cuts = self.cuts(tolerance);
+        self.split_at(&self.cuts(tolerance), tolerance)
+    }
+
+    /// Splits cells along segments of their planes, each given with the index of its cell, as far as they lie in it, and
+    /// tells how many cells were split. The rest is as for [contacts](Self::split_at_contacts).
+    #[must_use]
+    pub fn split_along(&self, lines: &[(usize, Line)], tolerance: f64) -> (Self, usize) {
+        let mut inside: Vec<(usize, Line)> = lines
+            .iter()
+            .filter_map(|&(cell, line)| Some((cell, clipped(&self.patch(cell), line, tolerance)?)))
+            .collect();
+        inside.sort_by_key(|&(cell, _)| cell);
+        let cut = |lines: &[(usize, Line)]| {
+            let cell = lines[0].0;
+            let lines: Vec<Line> = lines.iter().map(|&(_, line)| line).collect();
+            Cut { cell, crossings: crossings(&Frame::of(&self.patch(cell)), &lines), lines }
+        };
+        let cuts: Vec<Cut> = inside.chunk_by(|a, b| a.0 == b.0).map(cut).collect();
+        self.split_at(&cuts, tolerance)
+    }
+
+    fn split_at(&self, cuts: &[Cut], tolerance: f64) -> (Self, usize) {
         if cuts.is_empty() {
             return (self.clone(), 0);
         }
-        let (mesh, nets) = self.with_points_of(&cuts, tolerance);
+        let (mesh, nets) = self.with_points_of(cuts, tolerance);
         let mut builder = Builder::like(&mesh);
         let mut nets = nets.iter().peekable();
         let mut split = 0;

@@ -19,6 +19,7 @@ mod topology;
 mod weld;
 
 pub use bisect::Bisected;
+pub use contact::Line;
 pub(crate) use corner::{Builder, Corner};
 pub use diagnose::{Example, Finding, FindingKind, Severity, diagnose, diagnose_room, diagnose_sheets};
 pub use patch::Patch;

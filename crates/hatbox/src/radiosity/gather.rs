@@ -72,7 +72,14 @@ impl Gather<'_> {
     }
 
     /// The visible share of a cell's light by rays, whose number follows how much the cell may matter; one for each seed.
-    fn visible_shares<const N: usize>(&self, cell: usize, x: DVec3, n: DVec3, surface: u32, seeds: [u64; N]) -> [f64; N] {
+    fn visible_shares<const N: usize>(
+        &self,
+        cell: usize,
+        x: DVec3,
+        n: DVec3,
+        surface: u32,
+        seeds: [u64; N],
+    ) -> [f64; N] {
         let panel = &self.panels[cell];
         let distance = (panel.center.distance(x) - panel.radius).max(0.25 * panel.radius);
         let weight = self.strengths.get(cell).copied().unwrap_or(1.0) * panel.area() / (distance * distance);

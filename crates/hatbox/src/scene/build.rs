@@ -7,7 +7,7 @@
 
 use super::{Camera, Material, Physics, Quantity, Scene, Surface};
 use crate::element::{Basis, Shape};
-use crate::mesh::{Bisected, Builder, Corner, Mesh, RefineError, Refinement};
+use crate::mesh::{Bisected, Builder, Corner, Line, Mesh, RefineError, Refinement};
 use glam::DVec3;
 use std::fmt;
 use std::sync::Arc;
@@ -218,6 +218,13 @@ impl Scene {
     pub fn bisected(&self, marked: &[bool]) -> (Self, Vec<u32>) {
         let Bisected { mesh, parents } = self.mesh.bisected(marked);
         (Self { mesh, surfaces: Arc::clone(&self.surfaces), ..self.clone() }, parents)
+    }
+
+    /// The scene with cells split along segments of their planes: [`Mesh::split_along`].
+    #[must_use]
+    pub fn split_along(&self, lines: &[(usize, Line)]) -> Self {
+        let (mesh, _) = self.mesh.split_along(lines, self.mesh.tolerance());
+        Self { mesh, surfaces: Arc::clone(&self.surfaces), ..self.clone() }
     }
 
     /// The scene with every quad split into triangles.

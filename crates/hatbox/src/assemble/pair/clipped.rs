@@ -82,13 +82,7 @@ pub(super) fn block(
 
 /// ∫N_k G V over a part of a panel at the point `x` of a surface with normal `n`, behind polygons; `None` if it comes to
 /// too many pieces.
-pub(super) fn row(
-    source: &Panel,
-    from: &Region,
-    polygons: &[&[DVec3]],
-    x: DVec3,
-    n: DVec3,
-) -> Option<[f64; MAX_DOFS]> {
+pub(super) fn row(source: &Panel, from: &Region, polygons: &[&[DVec3]], x: DVec3, n: DVec3) -> Option<[f64; MAX_DOFS]> {
     let between = |polygon: &&[DVec3]| {
         let above_point = clip(polygon, |p| n.dot(p - x));
         let above_both = clip(&above_point, |p| source.normal().dot(p - source.patch.corners()[0]));

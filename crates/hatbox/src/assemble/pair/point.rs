@@ -1,8 +1,8 @@
 //! ∫N_k(y) G(x, y) dA(y): what a point receives from a panel, as if nothing stood between.
 
-use super::{Region, clipped};
 use super::gauss::Nodes;
 use super::near::Inner;
+use super::{Region, clipped};
 use crate::assemble::Panel;
 use crate::element::MAX_DOFS;
 use crate::kernel::weighted_row;

@@ -59,7 +59,13 @@ impl Views<'_> {
 
     /// What the point `x` of a face of that index, with unit normal `n`, receives from a panel; `None` if nothing. `list` is
     /// scratch space.
-    pub fn point_row(&self, panel: &Panel, (x, n): (DVec3, DVec3), surface: u32, list: &mut Vec<u32>) -> Option<PointRow> {
+    pub fn point_row(
+        &self,
+        panel: &Panel,
+        (x, n): (DVec3, DVec3),
+        surface: u32,
+        list: &mut Vec<u32>,
+    ) -> Option<PointRow> {
         let outlook = Outlook::new(panel, x, n)?;
         let shaft = Shaft::new(&[x], outlook.corners());
         let skip = [self.occluders.of_surface(surface), self.polygon(panel)];
