@@ -31,8 +31,8 @@ pub(crate) const CASES: [Case; 5] = [
         ladder: true,
     },
     Case { name: "two rooms", scene: || sample("two-rooms.glb"), truth: Truth::gathered, ladder: false },
-    Case { name: "sheet in a room", scene: || Ok(sheet_in_a_room()?), truth: Truth::gathered, ladder: false },
-    Case { name: "hard shadow", scene: || Ok(hard_shadow()?), truth: Truth::gathered, ladder: true },
+    Case { name: "sheet in a room", scene: sheet_in_a_room, truth: Truth::gathered, ladder: false },
+    Case { name: "hard shadow", scene: hard_shadow, truth: Truth::gathered, ladder: true },
 ];
 
 fn sample(name: &str) -> Result<Scene> {

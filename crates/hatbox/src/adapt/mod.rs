@@ -2,7 +2,7 @@
 //!
 //! A round solves on the mesh at hand, estimates ‖B − B̃‖/‖B̃ − B⁰‖, and, if that is too much, refines the cells that
 //! indicate the greatest errors, as often as it is predicted to take (`marking`). Indicators are those of
-//! [`local_error`], raised where the points of the estimate saw more. Everything that the mesh decides follows by itself:
+//! [`local_error`](radiosity::local_error), raised where the points of the estimate saw more. Everything that the mesh decides follows by itself:
 //! elements become small where a shadow's border passes and towards the edges of rooms. Only borders narrower than the
 //! first elements are cut into them beforehand (`borders`).
 //!
@@ -17,7 +17,7 @@ pub use focus::{Focus, NothingInFocus};
 
 use crate::mesh::Refinement;
 use crate::progress::Progress;
-use crate::radiosity::{self, Error, Solution, Solved, System, local_error};
+use crate::radiosity::{self, Error, Estimated, Solution, Solved, System};
 use crate::scene::Scene;
 use crate::solve::SolveError;
 use borders::with_sharp_borders;
@@ -122,14 +122,15 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
             Ok(focus.clone())
         };
         let system = System::of_cells(scene, &settings, progress)?;
-        let (solved, seen) = system.solved_within(&settings, within, progress)?;
-        let estimate = solved.error.map_or(0.0, |error| error.relative);
+        let (solved, estimated) = system.solved_within(&settings, within, progress)?;
+        let estimate = estimated.as_ref().map_or(0.0, |estimated| estimated.error.relative);
         let elements = solved.solution.space.cells();
         rounds.push(Round { elements, unknowns: solved.unknowns, estimate, time: started.elapsed() });
-        if estimate <= options.tolerance {
+        let too_much = estimate.is_nan() || estimate > options.tolerance;
+        let Some(estimated) = estimated.filter(|_| too_much) else {
             return Ok(Adapted { system, solved, rounds, reached: true });
-        }
-        let squares = error_squares(&solved.solution, &seen, importance.as_deref(), estimate);
+        };
+        let squares = error_squares(&solved.solution, &estimated, importance.as_deref());
         marking.learn(&squares, &parents);
         // Predictions are pessimistic: what came was 0.7 to 0.9 of them on the sample scenes.
         let goal = (options.tolerance / estimate).powi(2);
@@ -208,8 +209,8 @@ fn in_focus(mut scene: Scene, focus: &Focus, options: &Options) -> Scene {
 
 /// The square of the error of each cell relative to the reflected light, times its importance: their sum is the estimate's
 /// square.
-fn error_squares(solution: &Solution, seen: &[(usize, f64)], importance: Option<&[f64]>, estimate: f64) -> Vec<f64> {
-    let indicated = local_error(solution);
+fn error_squares(solution: &Solution, estimated: &Estimated, importance: Option<&[f64]>) -> Vec<f64> {
+    let Estimated { error, seen, indicated } = estimated;
     let weights: Vec<f64> = indicated.iter_bands().map(|band| total(solution, band)).collect();
     let areas: Vec<f64> = (0..solution.space.cells()).map(|cell| solution.scene.mesh.patch(cell).area()).collect();
     let mut squares: Vec<f64> = areas.clone();
@@ -226,7 +227,7 @@ fn error_squares(solution: &Solution, seen: &[(usize, f64)], importance: Option<
     if let Some(importance) = importance {
         squares.iter_mut().zip(importance).for_each(|(square, w)| *square *= w * w);
     }
-    let scale = estimate * estimate / squares.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+    let scale = error.relative.powi(2) / squares.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     squares.iter_mut().for_each(|square| *square *= scale);
     squares
 }

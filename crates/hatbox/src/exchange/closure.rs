@@ -56,6 +56,8 @@ pub struct Closure {
 pub struct Balanced {
     exchange: Box<dyn Exchange>,
     scaling: Option<Scaling>,
+    /// What S is multiplied by in an open scene.
+    factor: Option<f64>,
     /// What was found and done.
     pub closure: Closure,
 }
@@ -97,12 +99,13 @@ impl Balanced {
         let lost = 1.0 - total(&sums) / total(&target);
         let deficit = cell_deficit(space, &target, &sums);
         let closure = Closure { escape, lost, deficit, balanced: false, factor: 1.0 };
-        let mut balanced = Self { exchange, scaling: None, closure };
+        let mut balanced = Self { exchange, scaling: None, factor: None, closure };
         if escape == 0.0 && deficit < GREATEST_DEFICIT {
             balanced.balance(scene, space, mass, mass_inverse, &target);
         } else if escape > 0.0 && balanced.exchange.is_symmetric() {
             let rays = rays_per_cell(space.cells(), 0) as usize * space.cells();
-            balanced.closure.factor = open_factor(escape, lost, rays);
+            balanced.factor = open_factor(escape, lost, rays);
+            balanced.closure.factor = balanced.factor.unwrap_or(1.0);
         }
         balanced
     }
@@ -183,18 +186,18 @@ impl LinearOperator for Balanced {
             None => self.exchange.apply(x, y),
             Some(d) => *y = d.apply_transposed(&self.exchange.times(&d.apply(x))),
         }
-        if self.closure.factor != 1.0 {
-            y.as_mut_slice().iter_mut().for_each(|value| *value *= self.closure.factor);
+        if let Some(factor) = self.factor {
+            y.as_mut_slice().iter_mut().for_each(|value| *value *= factor);
         }
     }
 }
 
-/// What S is to be multiplied by in an open scene: 1 if `lost` is what so many rays may have seen escape.
-fn open_factor(escape: f64, lost: f64, rays: usize) -> f64 {
+/// What S is to be multiplied by in an open scene; nothing if `lost` is what so many rays may have seen escape.
+fn open_factor(escape: f64, lost: f64, rays: usize) -> Option<f64> {
     let scatter = (escape * (1.0 - escape) / rays.max(1) as f64).sqrt();
     let factor = (1.0 - escape) / (1.0 - lost);
     let believed = (lost - escape).abs() > SCATTER * scatter && (factor - 1.0).abs() < GREATEST_DEFICIT;
-    if believed { factor } else { 1.0 }
+    believed.then_some(factor)
 }
 
 impl Exchange for Balanced {

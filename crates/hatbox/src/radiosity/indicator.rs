@@ -23,7 +23,7 @@ use crate::space::{CREASE_ANGLE, joints};
 const QUOTIENTS: [f64; 3] = [1.0 / 12.0, 1.0 / 180.0, 1.0 / 2025.0];
 
 /// Δ⁻¹(b⁰ + M_R e) in the broken space: the solution reflected once more. `None` if a cell has no area.
-pub(super) fn reflected_once_more(solution: &Solution) -> Option<MultiVector> {
+fn reflected_once_more(solution: &Solution) -> Option<MultiVector> {
     let (scene, space) = (&solution.scene, &solution.space);
     let mut g = weighted_mass(scene, space).times(&solution.irradiance);
     g.add_scaled(1.0, &load(scene, space));
@@ -32,9 +32,16 @@ pub(super) fn reflected_once_more(solution: &Solution) -> Option<MultiVector> {
 
 /// The indicated error of B̃, root of the mean square over each cell, cells × bands in the unit of B.
 pub fn local_error(solution: &Solution) -> MultiVector {
+    match reflected_once_more(solution) {
+        Some(g) => indicated(solution, g),
+        None => MultiVector::zeros(solution.space.cells(), solution.bands()),
+    }
+}
+
+/// The same from g.
+pub(super) fn indicated(solution: &Solution, g: MultiVector) -> MultiVector {
     let (space, bands) = (&solution.space, solution.bands());
     let mut squares = MultiVector::zeros(space.cells(), bands);
-    let Some(g) = reflected_once_more(solution) else { return squares };
     let mut own = g.clone();
     own.add_scaled(-1.0, &solution.radiosity);
     let weighted = mass(&solution.scene, space).times(&own);

@@ -18,8 +18,8 @@
 //! Tried and dropped: ‖r‖/(1 − ρ) with the emitted over the leaving power for 1 − ρ. It takes the residual to be of the
 //! shape that multiplies most, and overestimated by 1/(1 − ρ): threefold in a room of ρ = 0.7.
 
-use super::indicator::reflected_once_more;
-use super::{Shown, Solution, System, local_error};
+use super::indicator::indicated;
+use super::{Shown, Solution, System};
 use crate::element::Shape;
 use crate::exchange::Exchange;
 use crate::linalg::{LinearOperator, MultiVector};
@@ -67,6 +67,8 @@ pub struct Estimated {
     pub error: ErrorEstimate,
     /// For each cell with points, the mean of r² relative to ‖B̃ − B⁰‖², summed over bands, in 1/m².
     pub seen: Vec<(usize, f64)>,
+    /// The [`local_error`](super::local_error).
+    pub indicated: MultiVector,
 }
 
 /// How an error is to be estimated.
@@ -118,7 +120,7 @@ pub fn estimate_error(
         operator: system.operator_error(solution),
         solver: info.residual,
     };
-    Ok(Estimated { error, seen })
+    Ok(Estimated { error, seen, indicated: measure.indicated })
 }
 
 /// The greater of two numbers; no number at all, if one of them is none.
@@ -147,17 +149,20 @@ struct Measure<'a> {
     norms: Vec<f64>,
     /// Δ⁻¹(b⁰ + M_R e).
     reflected: Solution,
+    /// The indicators.
+    indicated: MultiVector,
 }
 
 impl<'a> Measure<'a> {
     fn new(system: &'a System, solution: &'a Solution, sampling: &'a Sampling<'a>) -> Self {
-        let reflected = reflected_once_more(solution).unwrap_or_else(|| solution.radiosity.clone());
+        let reflected = system.reflected_once_more(solution);
         let mut light = reflected.clone();
         light.add_scaled(-1.0, &system.projected_emission());
         let mut measure = Self {
             norms: Vec::new(),
             density: Vec::new(),
             ends: Vec::new(),
+            indicated: indicated(solution, reflected.clone()),
             reflected: Solution { radiosity: reflected, ..solution.clone() },
             system,
             solution,
@@ -186,7 +191,7 @@ impl<'a> Measure<'a> {
     fn spread_points(&mut self) {
         let mesh = &self.system.scene.mesh;
         let areas: Vec<f64> = (0..mesh.cells.len()).map(|cell| mesh.patch(cell).area()).collect();
-        let indicated = local_error(self.solution);
+        let indicated = &self.indicated;
         let error = |cell: usize| {
             let band =
                 |band: usize| if self.norms[band] > 0.0 { indicated.band(band)[cell] / self.norms[band] } else { 0.0 };

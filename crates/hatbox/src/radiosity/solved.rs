@@ -201,8 +201,8 @@ impl System {
         self.solved_within(options, |_, _| Ok(None), progress).map(|(solved, _)| solved)
     }
 
-    /// The same. The error is estimated on the cells that `within` chooses, all if it chooses none; with it come the
-    /// residuals it is made of.
+    /// The same. The error is estimated on the cells that `within` chooses, all if it chooses none; with it comes what it
+    /// is made of.
     ///
     /// # Errors
     /// [`Error::Solve`].
@@ -211,7 +211,7 @@ impl System {
         options: &Options,
         within: impl FnOnce(&Self, &Solution) -> Result<Option<Vec<bool>>, SolveError>,
         progress: &dyn Progress,
-    ) -> Result<(Solved, Vec<(usize, f64)>), Error> {
+    ) -> Result<(Solved, Option<Estimated>), Error> {
         let started = Instant::now();
         let kind = options.solver.unwrap_or_else(|| self.best_solver());
         let (solution, info) = self.solve(kind, &self.solver_params(kind), progress)?;
@@ -221,7 +221,6 @@ impl System {
         let estimated = (options.error_points > 0)
             .then(|| estimate_error(self, &solution, &info, &sampling, progress))
             .transpose()?;
-        let (error, seen) = estimated.map_or((None, Vec::new()), |Estimated { error, seen }| (Some(error), seen));
         let solved = Solved {
             energy: self.energy(&solution),
             unknowns: self.space.dofs(),
@@ -234,9 +233,9 @@ impl System {
             solver: kind,
             info,
             solver_time,
-            error,
+            error: estimated.as_ref().map(|estimated| estimated.error),
             solution,
         };
-        Ok((solved, seen))
+        Ok((solved, estimated))
     }
 }

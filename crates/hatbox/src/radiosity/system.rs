@@ -70,6 +70,8 @@ pub struct System {
     blockers: Arc<Bvh>,
     occluders: Arc<OnceLock<Occluders>>,
     strengths: Vec<f64>,
+    /// b⁰, integrated when it is first asked for: functions and textures take their time.
+    load: OnceLock<MultiVector>,
     join: Join,
     mass: BlockDiagonal,
     mass_inverse: BlockDiagonal,
@@ -116,6 +118,7 @@ impl System {
             operator_reason: None,
             occluders: Arc::default(),
             strengths: params.strengths.clone(),
+            load: OnceLock::new(),
             preconditioner: Arc::from(preconditioner(&join, &mass, &mass_inverse)),
             scene,
             space,
@@ -168,6 +171,7 @@ impl System {
         self.join = Join::of(&self.space);
         self.preconditioner = Arc::from(preconditioner(&self.join, &self.mass, &self.mass_inverse));
         self.strengths = strengths(&self.scene);
+        self.load = OnceLock::new();
         self.operator_time = Duration::ZERO;
         Ok(())
     }
@@ -222,7 +226,7 @@ impl System {
         params: &solve::Params,
         progress: &dyn Progress,
     ) -> Result<(Solution, Info), Error> {
-        Ok(self.solve_for(&load(&self.scene, &self.space), kind, params, progress)?)
+        Ok(self.solve_for(self.load(), kind, params, progress)?)
     }
 
     /// The same for another emission, given by its integrals ∫B⁰N_i against the broken functions.
@@ -317,14 +321,14 @@ impl System {
 
     /// Where the power of a solution goes.
     pub fn energy(&self, solution: &Solution) -> Energy {
-        let emitted = load(&self.scene, &self.space);
+        let emitted = self.load();
         let left = self.mass.times(&solution.radiosity);
         let arrived = self.exchange.times(&solution.radiosity);
         let reflected = weighted_mass(&self.scene, &self.space).times(&self.mass_inverse.times(&arrived));
         let total = |x: &MultiVector, band: usize| x.band(band).iter().sum::<f64>();
         let bands = 0..self.scene.bands;
         Energy {
-            emitted: bands.clone().map(|b| total(&emitted, b)).collect(),
+            emitted: bands.clone().map(|b| total(emitted, b)).collect(),
             leaving: bands.clone().map(|b| total(&left, b)).collect(),
             absorbed: bands.clone().map(|b| total(&arrived, b) - total(&reflected, b)).collect(),
             escaped: bands.map(|b| total(&left, b) - total(&arrived, b)).collect(),
@@ -353,7 +357,19 @@ impl System {
 
     /// Δ⁻¹ b⁰: what the scene emits, in the broken space.
     pub(super) fn projected_emission(&self) -> MultiVector {
-        self.mass_inverse.times(&load(&self.scene, &self.space))
+        self.mass_inverse.times(self.load())
+    }
+
+    /// Δ⁻¹(b⁰ + M_R e) in the broken space: a solution of this system reflected once more.
+    pub(super) fn reflected_once_more(&self, solution: &Solution) -> MultiVector {
+        let mut g = weighted_mass(&self.scene, &self.space).times(&solution.irradiance);
+        g.add_scaled(1.0, self.load());
+        self.mass_inverse.times(&g)
+    }
+
+    /// b⁰ against the broken functions.
+    fn load(&self) -> &MultiVector {
+        self.load.get_or_init(|| load(&self.scene, &self.space))
     }
 
     /// Δ of the broken space.
