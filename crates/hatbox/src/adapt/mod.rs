@@ -228,7 +228,9 @@ fn error_squares(solution: &Solution, estimated: &Estimated, importance: Option<
         squares.iter_mut().zip(importance).for_each(|(square, w)| *square *= w * w);
     }
     let scale = error.relative.powi(2) / squares.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-    squares.iter_mut().for_each(|square| *square *= scale);
+    for square in &mut squares {
+        *square *= scale;
+    }
     squares
 }
 

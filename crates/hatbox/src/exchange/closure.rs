@@ -187,7 +187,9 @@ impl LinearOperator for Balanced {
             Some(d) => *y = d.apply_transposed(&self.exchange.times(&d.apply(x))),
         }
         if let Some(factor) = self.factor {
-            y.as_mut_slice().iter_mut().for_each(|value| *value *= factor);
+            for value in y.as_mut_slice() {
+                *value *= factor;
+            }
         }
     }
 }
