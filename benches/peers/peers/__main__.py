@@ -46,6 +46,8 @@ def _measure(name: str, quick: bool) -> None:
     rows = []
     for row in PIECES[name](quick, absent):
         rows.append(row)
+        # Whoever ends this early keeps what there is.
+        report.keep(name, quick, rows, absent)
         errors = ", ".join(f"{key} {value:.3g}" for key, value in row.errors.items())
         print(f"{row.job}: {row.tool} {row.setting}: {row.cpu_seconds:.2f} CPU s, {errors}", file=sys.stderr)
     report.keep(name, quick, rows, absent)

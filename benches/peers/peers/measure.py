@@ -12,6 +12,9 @@ import numpy as np
 
 T = TypeVar("T")
 
+# Seconds after which a program's next step, which takes a multiple, is left out.
+LONG = 15.0
+
 
 class AbsentError(Exception):
     """A program is not here, or does not run; the text says why."""

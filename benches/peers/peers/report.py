@@ -47,11 +47,16 @@ def write(pieces: list[str], quick: bool) -> None:
     if quick:
         print(text)
         return
+    rows = [row for facts in found.values() for row in _rows(facts)]
+    light, cube = [row for row in rows if row.again is not None], [row for row in rows if row.job.startswith("cube")]
+    if light:
+        _plot(light, ("L2", "95 %"), "irradiance", IMAGES / "peers-light.png")
+        text += "\n![Time against error: irradiance](images/peers-light.png)\n"
+    if cube:
+        _plot(cube, ("L2",), "view factors", IMAGES / "peers-factors.png")
+        text += "\n![Time against error: view factors of the closed cube](images/peers-factors.png)\n"
     before, rest = BOOK.read_text(encoding="utf-8").split(BEGIN)
     BOOK.write_text(f"{before}{BEGIN}\n\n{text}\n{END}{rest.split(END)[1]}", encoding="utf-8")
-    rows = [row for facts in found.values() for row in _rows(facts)]
-    _plot([row for row in rows if row.again is not None], ("L2", "95 %"), "irradiance", IMAGES / "peers-light.png")
-    _plot([row for row in rows if row.job.startswith("cube")], ("L2",), "view factors", IMAGES / "peers-factors.png")
 
 
 def _path(piece: str, quick: bool) -> Path:
@@ -157,8 +162,6 @@ def _plot(rows: list[Row], keys: tuple[str, ...], what: str, path: Path) -> None
     import matplotlib.pyplot as plt
 
     jobs = list(dict.fromkeys(row.job for row in rows))
-    if not jobs:
-        return
     size = (5.2 * len(jobs), 3.6 * len(keys))
     figure, grid = plt.subplots(len(keys), len(jobs), figsize=size, layout="constrained", squeeze=False, sharex="col")
     colors = {tool: f"C{k}" for k, tool in enumerate(dict.fromkeys(row.tool for row in rows))}
