@@ -15,12 +15,14 @@ mod rooms;
 #[path = "factors/view3d.rs"]
 mod view3d;
 
+use hatbox::exchange::ExchangeError;
 use hatbox::io::{WriteError, factors, npy, read_scene};
 use hatbox::mesh::Refinement;
 use hatbox::progress::{Progress, Silent};
 use hatbox::view_factors::{Between, Error, Estimate, Options, ViewFactors};
 use std::fmt::Write as _;
 use std::io::Read;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 type Quad = [[f64; 3]; 4];
 
@@ -301,6 +303,39 @@ fn writing_can_be_interrupted() {
         assert!(matches!(result, Err(WriteError::Interrupted(_))), "{}", output.extension);
     }
     assert_eq!(std::fs::read_dir(folder.path()).expect("the folder").count(), 0);
+}
+
+#[test]
+fn integration_tells_how_far_it_is_and_can_be_interrupted() {
+    /// Counts the steps of a stage, and stops after some.
+    struct Counter {
+        total: AtomicU64,
+        done: AtomicU64,
+        most: u64,
+    }
+    impl Progress for Counter {
+        fn begin(&self, stage: &'static str, total: u64) {
+            if stage == "form factors" {
+                self.total.store(total, Ordering::Relaxed);
+            }
+        }
+        fn advance(&self, steps: u64) {
+            self.done.fetch_add(steps, Ordering::Relaxed);
+        }
+        fn interrupted(&self) -> bool {
+            self.total.load(Ordering::Relaxed) > 0 && self.done.load(Ordering::Relaxed) >= self.most
+        }
+    }
+    let counter = |most: u64| Counter { total: AtomicU64::new(0), done: AtomicU64::new(0), most };
+    let scene = meshes::rooms::divided(&meshes::rooms::cuboid(glam::DVec3::ZERO, glam::DVec3::ONE), 6);
+    let whole = counter(u64::MAX);
+    assert!(ViewFactors::new(&scene, &Options::default(), &whole).is_ok());
+    let total = whole.total.into_inner();
+    assert_eq!((total, whole.done.into_inner()), (216 * 215 / 2, total));
+    let stopped = counter(total / 2);
+    let result = ViewFactors::new(&scene, &Options::default(), &stopped);
+    assert!(matches!(result, Err(Error::Exchange(ExchangeError::Interrupted(_)))), "{result:?}");
+    assert!(stopped.done.into_inner() < total);
 }
 
 #[test]

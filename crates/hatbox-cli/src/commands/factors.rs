@@ -57,12 +57,27 @@ pub(crate) struct Done {
     pub(crate) available_bytes: Option<u64>,
     /// From start to end.
     pub(crate) seconds: f64,
+    /// The parts of it.
+    pub(crate) stages: Stages,
     /// The most memory held; `null` where the system does not tell.
     pub(crate) peak_bytes: Option<u64>,
     /// The files written.
     pub(crate) outputs: Vec<Written>,
     /// What was repaired or passed over in the input.
     pub(crate) warnings: Vec<String>,
+}
+
+/// How many seconds the stages took.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub(crate) struct Stages {
+    /// Reading the file.
+    pub(crate) reading: f64,
+    /// Subdividing the faces.
+    pub(crate) meshing: f64,
+    /// The factors, and what is said of their accuracy.
+    pub(crate) computing: f64,
+    /// Writing the files.
+    pub(crate) writing: f64,
 }
 
 /// How numbers are distributed.
@@ -148,6 +163,7 @@ pub(super) fn run(args: &FactorsArgs, talk: Talk) -> Result<(), Failure> {
     // 2. The scene.
     let (scene, warnings) = io::read_scene(&args.scene.path)?;
     output::warn(&warnings);
+    let read = started.elapsed();
     // 3. The factors, if they fit.
     let options = options::factors(args);
     let failed = |error: view_factors::Error| Failure::from(error).in_file(&args.scene.path);
@@ -157,6 +173,8 @@ pub(super) fn run(args: &FactorsArgs, talk: Talk) -> Result<(), Failure> {
         output::note(&summary::estimate(&estimate, options.memory));
     }
     let found = ViewFactors::new(&scene, &options, &bars).map_err(failed)?;
+    let done = done(&found);
+    let computed = started.elapsed();
     // 4. The files.
     let mut outputs = Vec::new();
     for path in &args.output {
@@ -167,13 +185,21 @@ pub(super) fn run(args: &FactorsArgs, talk: Talk) -> Result<(), Failure> {
         outputs.push(Written::new(path));
     }
     // 5. The summary.
+    let ended = started.elapsed();
+    let stages = Stages {
+        reading: read.as_secs_f64(),
+        meshing: found.meshing.as_secs_f64(),
+        computing: (computed - read - found.meshing).as_secs_f64(),
+        writing: (ended - computed).as_secs_f64(),
+    };
     let done = Done {
-        seconds: started.elapsed().as_secs_f64(),
+        seconds: ended.as_secs_f64(),
+        stages,
         outputs,
         warnings,
         estimated_bytes: estimate.bytes,
         available_bytes: options.memory,
-        ..done(&found)
+        ..done
     };
     match talk {
         Talk::Json => output::print_json(&done),
@@ -206,6 +232,7 @@ fn done(found: &ViewFactors) -> Done {
         estimated_bytes: 0,
         available_bytes: None,
         seconds: 0.0,
+        stages: Stages::default(),
         peak_bytes: output::peak_bytes(),
         outputs: Vec::new(),
         warnings: Vec::new(),

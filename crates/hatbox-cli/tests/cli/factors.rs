@@ -64,6 +64,17 @@ fn the_errors_of_all_rows_are_summed_up() {
 }
 
 #[test]
+fn the_time_is_told_by_stages() {
+    let folder = Folder::new();
+    let report = json(coarse().args(["--json", "-o"]).arg(folder.path("factors.csv")));
+    let stages = ["reading", "meshing", "computing", "writing"];
+    let seconds = stages.map(|stage| report["stages"][stage].as_f64().expect("a number"));
+    let whole = report["seconds"].as_f64().expect("a number");
+    assert!(seconds.iter().all(|&seconds| seconds >= 0.0) && seconds[2] > 0.0 && seconds[3] > 0.0, "{report:#}");
+    assert!((seconds.iter().sum::<f64>() - whole).abs() < 1e-6, "{report:#}");
+}
+
+#[test]
 fn too_little_memory_is_said_before_the_work() {
     let folder = Folder::new();
     let report = json(coarse().args(["--memory", "1G", "--json"]));

@@ -7,6 +7,6 @@ mod panel;
 
 pub use batch::{Batch, Found, LANES};
 pub use forms::{function_weighted_mass, load, mass, weighted_mass};
-pub(crate) use pair::FLAT;
 pub use pair::{Accuracy, Block, Facing, Outlook, Sight, facing_block, pair_block, point_row};
+pub(crate) use pair::{FLAT, Region};
 pub use panel::Panel;

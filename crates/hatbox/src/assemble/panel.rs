@@ -10,6 +10,9 @@ use std::sync::LazyLock;
 /// Degrees of the symmetric Gauss rules that a pair of distant panels chooses from.
 pub(super) const LADDER: [usize; 4] = [1, 2, 5, 8];
 
+/// The rung that is exact for second moments on any quad.
+const SMOOTH: usize = 2;
+
 /// A cell as the pair integrals see it: its geometry, its shape functions as polynomials of the plane, and its
 /// quadrature nodes.
 #[derive(Debug, Clone)]
@@ -22,10 +25,12 @@ pub struct Panel {
     pub vertices: [u32; 4],
     /// The face of the input it belongs to.
     pub surface: u32,
-    /// Centre of its bounding sphere.
+    /// Its centroid, the centre of its bounding sphere.
     pub center: DVec3,
     /// Radius of its bounding sphere.
     pub radius: f64,
+    /// m₁, m₂ with Σ m_k m_kᵀ = (1/A) ∫ (x − c)(x − c)ᵀ dA: how far it spreads about its centroid c.
+    pub(super) spread: [DVec3; 2],
     pub(super) longest_edge: f64,
     pub(super) plane: Plane,
     /// The shape functions in the plane's coordinates; `None` where they are no polynomials (a quad that is no
@@ -52,19 +57,22 @@ impl Panel {
     /// A panel on its own. Corners with the same index in `vertices` are the same point.
     pub fn new(patch: Patch, element: &'static Element, vertices: [u32; 4], surface: u32) -> Self {
         let plane = Plane::new(patch.corners()[0], patch.normal());
+        let ladder = LADDER.map(|degree| nodes(&patch, rule(patch.shape(), degree)));
+        let (center, spread) = moments(&ladder[SMOOTH], &plane);
         Self {
             element,
             vertices,
             surface,
-            center: patch.center(),
-            radius: patch.radius(),
+            center,
+            radius: patch.corners().iter().map(|corner| corner.distance(center)).fold(0.0, f64::max),
+            spread,
             longest_edge: patch.longest_edge(),
             plane,
             functions: polynomials(&patch, element, &plane),
             tables: tables(element),
             // The Jacobian of a quad that is no parallelogram is of degree 1.
             exactness: LADDER.map(|degree| rule(patch.shape(), degree).degree - usize::from(!patch.is_affine())),
-            ladder: LADDER.map(|degree| nodes(&patch, rule(patch.shape(), degree))),
+            ladder,
             patch,
         }
     }
@@ -110,6 +118,26 @@ impl Panel {
     pub(super) fn tabulated(&self, rung: usize) -> &'static [[f64; MAX_DOFS]] {
         &self.tables[rung]
     }
+}
+
+/// The centroid of weighted points of a plane, and two vectors whose squares are their second moments about it.
+fn moments(points: &Points, plane: &Plane) -> (DVec3, [DVec3; 2]) {
+    let all = || (0..points.len()).map(|k| (points.at(k) - plane.origin, points.weight[k]));
+    let total: f64 = points.weight.iter().sum();
+    // Of a panel without area nothing is asked.
+    let mean = |sum: DVec3| if total > 0.0 { sum / total } else { sum };
+    let center = mean(all().map(|(p, w)| w * p).sum());
+    let [e1, e2, _] = plane.axes;
+    let [xx, xy, yy] = all().fold([0.0; 3], |[xx, xy, yy], (p, w)| {
+        let (x, y) = ((p - center).dot(e1), (p - center).dot(e2));
+        [xx + w * x * x, xy + w * x * y, yy + w * y * y]
+    });
+    // Cholesky's factor of the moments.
+    let scale = if total > 0.0 { 1.0 / total } else { 0.0 };
+    let first = (scale * xx).sqrt();
+    let slope = if xx > 0.0 { xy / xx } else { 0.0 };
+    let second = (scale * (yy - slope * xy)).max(0.0).sqrt();
+    (plane.origin + center, [first * (e1 + slope * e2), second * e2])
 }
 
 /// The tables of an element; those of an element that is in no basis are made for good.

@@ -18,7 +18,7 @@ pub use dense::{Dense, PointRow, RowFacts, Views};
 pub use norm::norm;
 pub use sampled::Sampled;
 
-use crate::assemble::Panel;
+use crate::assemble::{Accuracy, Panel};
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::progress::{Interrupted, Progress};
 use crate::scene::{Scene, Surface};
@@ -110,6 +110,12 @@ impl Params {
     /// τ, all panels counting alike.
     pub fn new(tolerance: f64) -> Self {
         Self { tolerance, strengths: Vec::new(), max_rays: 1 << 14, seed: 0, memory: MEMORY }
+    }
+
+    /// How exactly pairs of these panels are to be integrated.
+    pub(crate) fn accuracy(&self, panels: &[Panel]) -> Accuracy {
+        let total_area = panels.iter().map(Panel::area).sum();
+        Accuracy { max_rays: self.max_rays, seed: self.seed, ..Accuracy::new(self.tolerance, total_area) }
     }
 
     /// The strength of one panel.

@@ -14,6 +14,7 @@ mod diagnose;
 mod grade;
 mod intersect;
 mod patch;
+pub(crate) mod polygon;
 mod refine;
 mod topology;
 mod weld;

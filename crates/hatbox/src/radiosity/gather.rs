@@ -6,7 +6,7 @@
 //! cast only where too many of them stand in the way.
 
 use super::Solution;
-use crate::assemble::Panel;
+use crate::assemble::{Panel, Region};
 use crate::exchange::{PointRow, Views};
 use crate::kernel::geometric;
 use crate::quadrature::sequence::{hash, point};
@@ -81,18 +81,28 @@ impl Gather<'_> {
         seeds: [u64; N],
     ) -> [f64; N] {
         let panel = &self.panels[cell];
+        let Some(above) = Region::in_front(&panel.patch, x, n) else { return [0.0; N] };
         let distance = (panel.center.distance(x) - panel.radius).max(0.25 * panel.radius);
         let weight = self.strengths.get(cell).copied().unwrap_or(1.0) * panel.area() / (distance * distance);
         let rays = (weight / FINEST).ceil().clamp(1.0, f64::from(MAX_RAYS)) as u32;
-        seeds.map(|seed| self.visible_share(panel, x, n, surface, hash(seed, cell as u64), rays))
+        seeds.map(|seed| self.visible_share(panel, &above, [x, n], surface, hash(seed, cell as u64), rays))
     }
 
-    /// ΣVG/ΣG over points of the panel.
-    fn visible_share(&self, panel: &Panel, x: DVec3, n: DVec3, surface: u32, set: u64, rays: u32) -> f64 {
+    /// ΣVG/ΣG over points of the part of the panel above the horizon of x. (A single point below it would say that nothing
+    /// is visible.)
+    fn visible_share(
+        &self,
+        panel: &Panel,
+        above: &Region,
+        [x, n]: [DVec3; 2],
+        surface: u32,
+        set: u64,
+        rays: u32,
+    ) -> f64 {
         let (mut seen, mut all) = (0.0, 0.0);
         for k in 0..rays {
             let p = point(set, k);
-            let y = panel.sample(p[0], p[1]);
+            let y = above.sample(p[0], p[1]);
             let g = geometric(x, n, y, panel.normal());
             all += g;
             if g > 0.0 && !self.views.blockers.occluded(x, y, [surface, panel.surface]) {

@@ -146,6 +146,7 @@ mod tests {
             escape: 0.0,
             statistics: crate::exchange::Statistics::default(),
             reversed_error: 0.0,
+            meshing: std::time::Duration::ZERO,
             closure: None,
             threshold: None,
             matrix: Matrix::new(Areas::Table(areas), 2),

@@ -31,6 +31,7 @@ use crate::visibility::{Bvh, Visibility};
 use groups::Grouping;
 use matrix::Matrix;
 use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
 
 /// One constant function per element, on triangles and quads alike.
 const BASIS: &Basis = &ALL[0];
@@ -151,6 +152,8 @@ pub struct ViewFactors {
     /// exchanged, over a sample of pairs; relative to the greater of A_i F_ij and A_i A_j / A, which is what the tolerance
     /// refers to. It is an error of the integrals: the matrix itself is symmetric.
     pub reversed_error: f64,
+    /// The time that it took to subdivide the scene.
+    pub meshing: Duration,
     /// What the closure did, if there was one.
     pub closure: Option<Closed>,
     /// What the threshold did, if there was one.
@@ -168,7 +171,9 @@ impl ViewFactors {
             return Err(Error::Threshold(options.threshold));
         }
         Estimate::of(scene, options)?.check(options.memory)?;
+        let started = Instant::now();
         let scene = scene.refined(options.refinement, BASIS)?;
+        let meshing = started.elapsed();
         Estimate::new(scene.mesh.cells.len()).check(options.memory)?;
         let space = FunctionSpace::broken(&scene.mesh, BASIS)?;
         let (cells, blockers) = (OnceLock::new(), Arc::new(Bvh::of_surfaces(&scene.surfaces)));
@@ -179,7 +184,7 @@ impl ViewFactors {
         let memory = options.memory.map_or(standard.memory, |limit| limit as usize);
         let params = exchange::Params { seed: options.seed, memory, ..standard };
         let dense = Dense::new(&geometry, &params, progress)?;
-        let source = Source { geometry, accuracy: accuracy(panels, &params) };
+        let source = Source { geometry, accuracy: params.accuracy(panels) };
         let (statistics, reversed_error) = (dense.statistics(), source.reversed_error(&dense));
         let grouping = Grouping::new(&scene, options.between);
         let mut found = Self {
@@ -188,6 +193,7 @@ impl ViewFactors {
             escape: mean(panels, &escapes),
             statistics,
             reversed_error,
+            meshing,
             closure: None,
             threshold: None,
             matrix: grouping.matrix(dense),
@@ -261,12 +267,6 @@ impl ViewFactors {
     pub fn bytes(&self) -> usize {
         self.matrix.bytes()
     }
-}
-
-/// How exactly the pairs were integrated.
-fn accuracy(panels: &[Panel], params: &exchange::Params) -> Accuracy {
-    let total_area = panels.iter().map(Panel::area).sum();
-    Accuracy { tolerance: params.tolerance, total_area, max_rays: params.max_rays, seed: params.seed }
 }
 
 /// What escapes from each element. A closure that aims at it needs it more accurately: low-discrepancy rays have an error

@@ -1,6 +1,7 @@
 use super::build::WIDTH;
 use super::bvh::{Bvh, STACK};
 use super::node::{Frame, LEAF_BIT, Node};
+use crate::mesh::polygon::area_vector;
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
@@ -100,6 +101,13 @@ impl Shaft {
 
     /// The shaft between two bodies.
     pub fn between(a: &Body, b: &Body) -> Self {
+        let mut shaft = Self::around(a, b);
+        shaft.tighten(a, b);
+        shaft
+    }
+
+    /// The box around two bodies: larger than their shaft, and quickly made.
+    pub fn around(a: &Body, b: &Body) -> Self {
         let origin = a.corners[0];
         let corners: ArrayVec<DVec3, _> = a.corners.iter().chain(&b.corners).map(|&corner| corner - origin).collect();
         let size = corners.iter().map(|c| c.length()).fold(0.0, f64::max);
@@ -110,7 +118,6 @@ impl Shaft {
             shaft.push(axis);
             shaft.push(-axis);
         }
-        shaft.push_facets(a, b);
         shaft
     }
 
@@ -120,8 +127,8 @@ impl Shaft {
         [a, b]
     }
 
-    /// Adds the facets of the hull.
-    fn push_facets(&mut self, a: &Body, b: &Body) {
+    /// Adds the facets of the hull of the two bodies, which are those the shaft was made of.
+    pub fn tighten(&mut self, a: &Body, b: &Body) {
         // The faces of a cuboid are facets of the box around both, where they are any.
         let normals = self.polygons().map(|polygon| area_vector(polygon).normalize_or_zero());
         for (body, normal) in [a, b].into_iter().zip(normals) {
@@ -227,12 +234,6 @@ fn range(polygon: &[DVec3], direction: DVec3) -> [f64; 2] {
         let x = direction.dot(*corner);
         [if x < lo { x } else { lo }, if x > hi { x } else { hi }]
     })
-}
-
-/// Twice the area times the normal; the corners run counter-clockwise about it (Newell).
-fn area_vector(polygon: &[DVec3]) -> DVec3 {
-    let origin = polygon[0];
-    polygon.windows(2).map(|edge| (edge[0] - origin).cross(edge[1] - origin)).sum()
 }
 
 impl Bvh {

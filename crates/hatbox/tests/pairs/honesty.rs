@@ -6,11 +6,12 @@ use hatbox::assemble::{Accuracy, Block, Facing, Panel, Sight, pair_block};
 use hatbox::element::{ALL, Basis, Shape};
 use hatbox::quadrature::sequence::point;
 
-/// Pairs with something in between.
-const PAIRS: usize = 500;
+/// Pairs with something in between, and how many are tried when there is time.
+const PAIRS: usize = 150;
+const MANY: usize = 2000;
 /// Tolerances of the tried runs, and how much tighter those are that count as the truth.
 const TOLERANCES: [f64; 2] = [1e-2, 1e-3];
-const TIGHTER: f64 = 1e-3;
+const TIGHTER: f64 = 1e-2;
 /// The part of the pairs whose error may exceed what is reported.
 const FAILURES: f64 = 0.01;
 
@@ -160,14 +161,15 @@ fn check(basis: &Basis, pairs: usize, first_seed: u64) {
 }
 
 #[test]
-#[ignore = "takes minutes: cargo test --release -p hatbox --test pairs -- --ignored"]
-fn the_error_of_hidden_pairs_of_constants_is_within_the_estimate() {
+fn the_error_of_hidden_pairs_is_within_the_estimate() {
+    assert!(ALL[1].element(Shape::Triangle).is_some_and(|element| element.degree == 1));
     check(&ALL[0], PAIRS, 0);
+    check(&ALL[1], PAIRS / 3, 1_000_000);
 }
 
 #[test]
-#[ignore = "takes minutes: cargo test --release -p hatbox --test pairs -- --ignored"]
-fn the_error_of_hidden_pairs_of_linear_functions_is_within_the_estimate() {
-    assert!(ALL[1].element(Shape::Triangle).is_some_and(|element| element.degree == 1));
-    check(&ALL[1], PAIRS, 1_000_000);
+#[ignore = "minutes, for thousands of pairs: cargo test --release -p hatbox --test pairs -- --ignored"]
+fn the_error_of_many_hidden_pairs_is_within_the_estimate() {
+    check(&ALL[0], MANY, 2_000_000);
+    check(&ALL[1], MANY / 4, 3_000_000);
 }

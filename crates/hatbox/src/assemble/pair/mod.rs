@@ -15,8 +15,10 @@
 
 mod clipped;
 mod contour;
+mod creases;
 mod gauss;
 mod near;
+mod outer;
 mod point;
 mod region;
 mod sampled;
@@ -29,8 +31,7 @@ use super::Panel;
 use crate::element::MAX_DOFS;
 pub(super) use gauss::a_priori_error_factors;
 use glam::DVec3;
-pub(crate) use region::FLAT;
-pub(super) use region::Region;
+pub(crate) use region::{FLAT, Region};
 
 /// What is known of the sight between two panels.
 #[derive(Clone, Copy)]
@@ -57,12 +58,27 @@ pub struct Accuracy {
     pub max_rays: u32,
     /// Seed of the rays.
     pub seed: u64,
+    /// What a partially hidden pair may err by, relative to √(s A), s being its sum and A its smaller area.
+    pub shadows: f64,
 }
+
+/// [`Accuracy::shadows`] as a part of the tolerance: the pairs that a shadow's edge crosses are about √n of a row of n, each of
+/// about 1/n of its sum; the errors of five times as many add up to τ A. Where there are more, the errors of the row show it,
+/// and its pairs are given less.
+const SHADOWS: f64 = 0.2;
 
 impl Accuracy {
     /// τ for a scene of that area, with up to 2²⁰ rays for a pair.
     pub fn new(tolerance: f64, total_area: f64) -> Self {
-        Self { tolerance, total_area, max_rays: 1 << 20, seed: 0 }
+        Self { tolerance, total_area, max_rays: 1 << 20, seed: 0, shadows: SHADOWS * tolerance }
+    }
+
+    /// What the error of a partially hidden pair counts in, √(s A), if its sum is s; the pair counts at least as what a mean
+    /// row sends there. A pair that carries strong light has less area.
+    pub(crate) fn shadow_scale(&self, a: &Panel, b: &Panel, weights: [f64; 2], sum: f64) -> f64 {
+        let area = (a.area() / weights[0]).min(b.area() / weights[1]);
+        let least = (a.area() * b.area() / self.total_area).min(area);
+        (sum.clamp(least, area) * area).sqrt()
     }
 
     /// The error in m² that a pair with ∬G = `value` may have.

@@ -1,6 +1,6 @@
 //! The part of a panel that another can see: clipping at the horizon.
 
-use crate::mesh::Patch;
+use crate::mesh::{Patch, polygon};
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
@@ -30,22 +30,10 @@ pub(crate) type Polygon = ArrayVec<DVec3, POLYGON>;
 /// Most corners of such a polygon: a cut adds one at the most.
 pub(crate) const POLYGON: usize = 14;
 
-/// The part of a convex polygon where a linear function is positive (Sutherland and Hodgman).
-pub(crate) fn clip(polygon: &[DVec3], height: impl Fn(DVec3) -> f64) -> Polygon {
+/// The part of a convex polygon where a linear function is positive. A polygon that is full loses a corner's sliver.
+pub(crate) fn clip(corners: &[DVec3], height: impl Fn(DVec3) -> f64) -> Polygon {
     let mut part = Polygon::new();
-    let Some(&last) = polygon.last() else { return part };
-    let (mut from, mut h_from) = (last, height(last));
-    for &corner in polygon {
-        let h = height(corner);
-        if (h > 0.0 && h_from < 0.0) || (h < 0.0 && h_from > 0.0) {
-            // A polygon that is full would lose a corner's sliver.
-            let _ = part.try_push(from.lerp(corner, h_from / (h_from - h)));
-        }
-        if h >= 0.0 {
-            let _ = part.try_push(corner);
-        }
-        (from, h_from) = (corner, h);
-    }
+    polygon::clip(corners, height, |corner| _ = part.try_push(corner));
     part
 }
 
@@ -60,9 +48,10 @@ pub(crate) struct Region {
 
 const MAX_CORNERS: usize = 6;
 
-/// Corners closer to a plane than this fraction of the pair's size lie in it: files hold single-precision coordinates,
-/// and walls that are flat in the file stay flat for the light. What is neglected is of the order of its square.
-pub(crate) const FLAT: f64 = 1e-6;
+/// Corners closer to a plane than this fraction of the pair's size lie in it: the rounding of single precision, in which
+/// files hold coordinates. Walls that are flat in the file stay flat for the light, and slivers of a millionth of their
+/// length still have two sides.
+pub(crate) const FLAT: f64 = 1.2e-7;
 
 impl Region {
     /// The part of `patch` in front of the plane of `other`, `None` if there is none. `size` is that of the pair.
@@ -88,7 +77,7 @@ impl Region {
         if heights.iter().all(|&h| h >= -flat) {
             return Some(Self::of(corners));
         }
-        Some(Self::clip(corners, heights))
+        Some(Self::clip(corners, |corner| normal.dot(corner - origin)))
     }
 
     /// The whole polygon.
@@ -98,19 +87,10 @@ impl Region {
         region
     }
 
-    /// Sutherland–Hodgman against one plane, given the corners' heights above it.
-    fn clip(corners: &[DVec3], heights: &[f64]) -> Self {
+    /// The part where a linear function is positive.
+    fn clip(corners: &[DVec3], height: impl Fn(DVec3) -> f64) -> Self {
         let mut region = Self { corners: [DVec3::ZERO; MAX_CORNERS], len: 0, whole: false };
-        for k in 0..corners.len() {
-            let next = (k + 1) % corners.len();
-            let (h, h_next) = (heights[k], heights[next]);
-            if h >= 0.0 {
-                region.push(corners[k]);
-            }
-            if (h > 0.0 && h_next < 0.0) || (h < 0.0 && h_next > 0.0) {
-                region.push(corners[k].lerp(corners[next], h / (h - h_next)));
-            }
-        }
+        polygon::clip(corners, height, |corner| region.push(corner));
         region
     }
 
@@ -131,7 +111,7 @@ impl Region {
 
     /// The area.
     pub(crate) fn area(&self) -> f64 {
-        self.triangles().map(|t| triangle_area(&t)).sum()
+        polygon::area(self.corners())
     }
 
     /// The point that the unit square's (u, v) is mapped to, uniformly in area.
@@ -152,11 +132,6 @@ impl Region {
         }
         point
     }
-}
-
-/// The area of a convex polygon in space.
-pub(crate) fn polygon_area(corners: &[DVec3]) -> f64 {
-    (2..corners.len()).map(|k| triangle_area(&[corners[0], corners[k - 1], corners[k]])).sum()
 }
 
 /// The area of a triangle in space.
@@ -184,7 +159,7 @@ mod tests {
     #[test]
     fn clipping_keeps_the_part_in_front() {
         let corners = [DVec3::new(0.0, 0.0, -1.0), DVec3::new(1.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 3.0)];
-        let region = Region::clip(&corners, &corners.map(|c| c.z));
+        let region = Region::clip(&corners, |corner| corner.z);
         assert!(!region.whole);
         assert!((region.area() - 2.0 * (0.75f64).powi(2)).abs() < 1e-15, "{}", region.area());
         assert!(region.corners().iter().all(|c| c.z >= 0.0));

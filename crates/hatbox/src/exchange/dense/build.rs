@@ -5,12 +5,13 @@
 //! the view is clear, all panels of both are integrated side by side ([`Batch`]).
 
 use super::Dense;
+use super::sums::{Limits, Sums};
 use super::views::{Between, Views};
 use crate::assemble::{Accuracy, Batch, Block, Facing, Found, LANES, Panel, Sight, facing_block};
 use crate::exchange::tree::{LEAF, Tree};
-use crate::exchange::{Geometry, Params, Statistics};
+use crate::exchange::{Geometry, Params};
 use crate::progress::{Interrupted, Progress};
-use crate::visibility::{Occluders, Shaft};
+use crate::visibility::{Body, Occluders};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -22,102 +23,43 @@ pub(super) fn build(geometry: &Geometry<'_>, params: &Params, progress: &dyn Pro
     let tree = Tree::new(geometry.panels());
     let ordered: Vec<&Panel> = tree.order.iter().map(|&panel| &geometry.panels()[panel as usize]).collect();
     let mut dense = Dense::empty(geometry.panels(), &tree.order);
-    let total_area = geometry.panels().iter().map(Panel::area).sum();
-    let accuracy = Accuracy { tolerance: params.tolerance, total_area, max_rays: params.max_rays, seed: params.seed };
     let builder = Builder {
         views: Views { occluders: &Occluders::new(geometry.surfaces), blockers: geometry.blockers },
         batch: &Batch::new(&ordered),
         panels: &ordered,
         tree: &tree,
         params,
-        accuracy,
+        accuracy: params.accuracy(geometry.panels()),
         offsets: &dense.offsets,
+        limits: None,
     };
-    let runs = tree.runs();
-    let cells = ordered.len();
-    progress.begin("form factors", (cells * cells.saturating_sub(1) / 2) as u64);
-    let strand = |strand: usize| {
-        let mut sums = Sums::new(cells);
-        let mut rows = Vec::new();
-        for &run in runs.iter().skip(strand).step_by(STRANDS) {
-            if progress.interrupted() {
-                return Err(Interrupted);
-            }
-            let range = tree.clusters[run].range.clone();
-            rows.push((range.start, builder.run(run, &mut sums)));
-            progress.advance(range.map(|place| (cells - 1 - place) as u64).sum());
-        }
-        Ok((rows, sums))
-    };
-    let strands: Vec<_> = (0..STRANDS).into_par_iter().with_max_len(1).map(strand).collect::<Result<_, _>>()?;
-    progress.end();
-    let mut total = Sums::new(cells);
-    let mut all = Vec::new();
-    for (rows, sums) in strands {
-        total.add(&sums);
-        all.extend(rows);
+    let mut strands = builder.strands(progress)?;
+    let mut total = Sums::new(ordered.len());
+    strands.iter().for_each(|strand| total.add(&strand.sums));
+    if let Some(limits) = Limits::of(&total, &ordered, &builder.accuracy) {
+        let mended = builder.mend(&limits, &mut strands, progress)?;
+        total.replace(&mended, &limits);
     }
-    all.sort_unstable_by_key(|(start, _)| *start);
-    dense.rows = all.into_iter().flat_map(|(_, rows)| rows).collect();
-    dense.statistics = total.statistics(&ordered, &dense.rows);
+    let rows = || strands.iter().flat_map(|strand| &strand.runs).flat_map(|run| &run.values);
+    dense.statistics = total.statistics(&ordered, rows().map(|row| size_of_val(&row[..])).sum());
+    let mut runs: Vec<Run> = strands.into_iter().flat_map(|strand| strand.runs).collect();
+    runs.sort_unstable_by_key(|run| run.range.start);
+    dense.rows = runs.into_iter().flat_map(|run| run.values).collect();
     Ok(dense)
 }
 
-/// Counts, and the errors of the row of each place.
-struct Sums {
-    quadrature: Vec<f64>,
-    /// Squares of the errors of visibility.
-    visibility: Vec<f64>,
-    rays: u64,
-    pairs: u64,
-    clear_pairs: u64,
+/// A run of rows.
+struct Run {
+    cluster: usize,
+    range: Range<usize>,
+    /// For each place, its rows from its own first column on.
+    values: Vec<Vec<f64>>,
 }
 
-impl Sums {
-    fn new(cells: usize) -> Self {
-        let zeros = vec![0.0; cells];
-        Self { quadrature: zeros.clone(), visibility: zeros, rays: 0, pairs: 0, clear_pairs: 0 }
-    }
-
-    fn add(&mut self, other: &Self) {
-        for (sum, x) in self.quadrature.iter_mut().zip(&other.quadrature) {
-            *sum += x;
-        }
-        for (sum, x) in self.visibility.iter_mut().zip(&other.visibility) {
-            *sum += x;
-        }
-        self.rays += other.rays;
-        self.pairs += other.pairs;
-        self.clear_pairs += other.clear_pairs;
-    }
-
-    fn note(&mut self, [i, j]: [usize; 2], block: &Block, clear: bool) {
-        for place in [i, j] {
-            self.quadrature[place] += block.quadrature_error;
-            // That no light came through is an estimate, too.
-            self.visibility[place] += block.visibility_error.powi(2);
-        }
-        self.rays += u64::from(block.rays);
-        let sees = block.values().iter().any(|&value| value != 0.0);
-        self.pairs += u64::from(sees);
-        self.clear_pairs += u64::from(sees && clear);
-    }
-
-    fn statistics(&self, panels: &[&Panel], rows: &[Vec<f64>]) -> Statistics {
-        // A NaN among the errors must not get lost.
-        let greater = |a: f64, b: f64| if b <= a { a } else { b };
-        let worst = |errors: &mut dyn Iterator<Item = f64>| {
-            errors.zip(panels).map(|(error, panel)| error / panel.area()).fold(0.0, greater)
-        };
-        Statistics {
-            bytes: rows.iter().map(|row| row.len() * size_of::<f64>()).sum(),
-            rays: self.rays,
-            pairs: self.pairs,
-            clear_pairs: self.clear_pairs,
-            quadrature_error: worst(&mut self.quadrature.iter().copied()),
-            visibility_error: worst(&mut self.visibility.iter().map(|v| v.sqrt())),
-        }
-    }
+/// Some of the runs, and the sums over their pairs.
+struct Strand {
+    runs: Vec<Run>,
+    sums: Sums,
 }
 
 /// What the blocks of a run of rows need.
@@ -130,12 +72,13 @@ struct Builder<'a> {
     params: &'a Params,
     accuracy: Accuracy,
     offsets: &'a [usize],
+    /// If given, only partially hidden pairs in one of these rows are integrated.
+    limits: Option<&'a Limits>,
 }
 
 /// A run of rows while they are made.
 struct Rows<'a> {
-    range: Range<usize>,
-    values: Vec<Vec<f64>>,
+    run: &'a mut Run,
     sums: &'a mut Sums,
 }
 
@@ -144,25 +87,72 @@ impl Builder<'_> {
         self.offsets[self.panels.len()]
     }
 
-    fn run(&self, run: usize, sums: &mut Sums) -> Vec<Vec<f64>> {
-        let range = self.tree.clusters[run].range.clone();
+    /// All runs, each with its rows.
+    fn strands(&self, progress: &dyn Progress) -> Result<Vec<Strand>, Interrupted> {
+        let (runs, cells) = (self.tree.runs(), self.panels.len());
+        progress.begin("form factors", (cells * cells.saturating_sub(1) / 2) as u64);
+        let strand = |strand: usize| {
+            let mut sums = Sums::new(cells);
+            let mut done = Vec::new();
+            for &cluster in runs.iter().skip(strand).step_by(STRANDS) {
+                let mut run = self.empty(cluster);
+                self.integrate(&mut run, &mut sums, progress)?;
+                done.push(run);
+            }
+            Ok(Strand { runs: done, sums })
+        };
+        let strands = (0..STRANDS).into_par_iter().with_max_len(1).map(strand).collect::<Result<_, _>>()?;
+        progress.end();
+        Ok(strands)
+    }
+
+    /// Integrates the partially hidden pairs of rows that have limits once more, and returns the sums over these pairs.
+    fn mend(&self, limits: &Limits, strands: &mut [Strand], progress: &dyn Progress) -> Result<Sums, Interrupted> {
+        let (again, cells) = (Builder { limits: Some(limits), ..*self }, self.panels.len());
+        progress.begin("shadows", (cells * cells.saturating_sub(1) / 2) as u64);
+        let mend = |strand: &mut Strand| {
+            let mut sums = Sums::new(cells);
+            for run in &mut strand.runs {
+                again.integrate(run, &mut sums, progress)?;
+            }
+            Ok(sums)
+        };
+        let all: Vec<Sums> = strands.par_iter_mut().with_max_len(1).map(mend).collect::<Result<_, _>>()?;
+        progress.end();
+        let mut total = Sums::new(cells);
+        all.iter().for_each(|sums| total.add(sums));
+        Ok(total)
+    }
+
+    /// A run of nothing yet.
+    fn empty(&self, cluster: usize) -> Run {
+        let range = self.tree.clusters[cluster].range.clone();
         let unknowns = self.unknowns();
         let row = |place: usize| {
             let first = self.offsets[place];
             vec![0.0; (self.offsets[place + 1] - first) * (unknowns - first)]
         };
-        let values = range.clone().map(row).collect();
-        let mut rows = Rows { range, values, sums };
-        for &root in &self.tree.roots {
-            self.meet([run, root], Between::Many, &mut rows);
+        Run { cluster, values: range.clone().map(row).collect(), range }
+    }
+
+    fn integrate(&self, run: &mut Run, sums: &mut Sums, progress: &dyn Progress) -> Result<(), Interrupted> {
+        if progress.interrupted() {
+            return Err(Interrupted);
         }
-        rows.values
+        let steps = run.range.clone().map(|place| (self.panels.len() - 1 - place) as u64).sum();
+        let cluster = run.cluster;
+        let mut rows = Rows { run, sums };
+        for &root in &self.tree.roots {
+            self.meet([cluster, root], Between::Many, &mut rows);
+        }
+        progress.advance(steps);
+        Ok(())
     }
 
     /// The blocks of the panels of a cluster with all panels of another that come after them.
     fn meet(&self, pair: [usize; 2], inherited: Between<'_>, rows: &mut Rows<'_>) {
         let [one, other] = pair.map(|cluster| &self.tree.clusters[cluster]);
-        if other.range.end <= one.range.start + 1 || one.faces_away(other) {
+        if other.range.end <= one.range.start + 1 || one.faces_away(other) || !self.wants([&one.range, &other.range]) {
             return;
         }
         let mut list = Vec::new();
@@ -170,12 +160,10 @@ impl Builder<'_> {
         let between = if other.range.start < one.range.end && one.range.start < other.range.end {
             Between::Many
         } else {
-            let shaft = Shaft::between(&one.hull, &other.hull);
-            let between = self.views.narrowed(&shaft, [u32::MAX; 2], inherited, &mut list);
-            if matches!(between, Between::Some(candidates) if self.views.is_hidden(&shaft, candidates)) {
-                return;
+            match self.views.between([&one.hull, &other.hull], [u32::MAX; 2], inherited, &mut list) {
+                Some(between) => between,
+                None => return,
             }
-            between
         };
         if let Between::Nothing = between {
             self.clear(one.range.clone(), other.range.clone(), rows);
@@ -190,40 +178,51 @@ impl Builder<'_> {
         }
     }
 
+    /// Whether there is something to do for the places of either range.
+    fn wants(&self, ranges: [&Range<usize>; 2]) -> bool {
+        self.limits.is_none_or(|limits| ranges.into_iter().any(|range| limits.any_in(range)))
+    }
+
     /// A panel with each of a range: those in clear view side by side, the others on their own.
     fn one_by_one(&self, i: usize, range: Range<usize>, inherited: Between<'_>, rows: &mut Rows<'_>) {
         let mut list = Vec::new();
         let mut clear = 0_u64;
-        for j in range.clone() {
+        for j in range.clone().filter(|&j| self.wants([&(i..i + 1), &(j..j + 1)])) {
             let [a, b] = [i, j].map(|place| self.panels[place]);
             let Some(facing) = Facing::new(&a.patch, &b.patch) else { continue };
-            let [on_a, on_b] = facing.polygons();
-            let shaft = Shaft::new(on_a, on_b);
-            let between =
-                self.views.narrowed(&shaft, [a, b].map(|panel| self.views.polygon(panel)), inherited, &mut list);
-            match between {
-                Between::Nothing => clear |= 1 << (j - range.start),
-                Between::Some(candidates) if self.views.is_hidden(&shaft, candidates) => {}
-                _ => {
-                    let block = self.partial(i, j, &facing, between);
-                    rows.put(self, [i, j], &block, false);
-                }
+            let ends = facing.polygons().map(Body::polygon);
+            let skip = [a, b].map(|panel| self.views.polygon(panel));
+            match self.views.between([&ends[0], &ends[1]], skip, inherited, &mut list) {
+                None => {}
+                Some(Between::Nothing) => clear |= 1 << (j - range.start),
+                Some(between) => self.partial([i, j], &facing, between, rows),
             }
         }
         // Ranges are those of leaves, so that the mask has a bit for each.
         debug_assert!(range.len() <= LEAF);
+        if self.limits.is_some() {
+            return;
+        }
         self.batch.masked(self.panels[i], range.start, clear, &self.accuracy, |first, found| {
             self.take(i, first, found, rows);
         });
     }
 
-    fn partial(&self, i: usize, j: usize, facing: &Facing, between: Between<'_>) -> Block {
-        let [on_i, on_j] = [i, j].map(|place| self.params.strength(self.tree.order[place] as usize));
-        self.views.block([self.panels[i], self.panels[j]], facing, between, [on_j, on_i], &self.accuracy)
+    fn partial(&self, places: [usize; 2], facing: &Facing, between: Between<'_>, rows: &mut Rows<'_>) {
+        let [on_i, on_j] = places.map(|place| self.params.strength(self.tree.order[place] as usize));
+        let ([a, b], weights) = (places.map(|place| self.panels[place]), [on_j, on_i]);
+        let shadows = self.limits.map_or(self.accuracy.shadows, |limits| limits.of_pair(places));
+        let accuracy = Accuracy { shadows, ..self.accuracy };
+        let block = self.views.block([a, b], facing, between, weights, &accuracy);
+        rows.sums.note_partial(places, &block, accuracy.shadow_scale(a, b, weights, block.sum()));
+        rows.put(self, places, &block);
     }
 
     /// Pairs that are known to see each other.
     fn clear(&self, of: Range<usize>, with: Range<usize>, rows: &mut Rows<'_>) {
+        if self.limits.is_some() {
+            return;
+        }
         let panels = &self.panels[of.clone()];
         self.batch.blocks(panels, with, &self.accuracy, |k, first, found| self.take(of.start + k, first, found, rows));
     }
@@ -238,18 +237,18 @@ impl Builder<'_> {
             let (a, b) = (self.panels[i], self.panels[j]);
             let Some(facing) = Facing::new(&a.patch, &b.patch) else { continue };
             let block = facing_block(a, b, &facing, Sight::Clear, [1.0; 2], &self.accuracy);
-            rows.put(self, [i, j], &block, true);
+            rows.sums.note_clear([i, j], &block);
+            rows.put(self, [i, j], &block);
         }
     }
 }
 
 impl Rows<'_> {
-    fn put(&mut self, builder: &Builder<'_>, [i, j]: [usize; 2], block: &Block, clear: bool) {
-        self.sums.note([i, j], block, clear);
+    fn put(&mut self, builder: &Builder<'_>, [i, j]: [usize; 2], block: &Block) {
         let offsets = builder.offsets;
         let width = offsets[builder.panels.len()] - offsets[i];
         let (place, columns) = (offsets[j] - offsets[i], offsets[j + 1] - offsets[j]);
-        let row = &mut self.values[i - self.range.start];
+        let row = &mut self.run.values[i - self.run.range.start];
         for (k, entries) in block.values().chunks_exact(columns).enumerate() {
             row[k * width + place..][..columns].copy_from_slice(entries);
         }
@@ -261,9 +260,9 @@ impl Rows<'_> {
             // Eight constants side by side.
             self.sums.pairs += LANES as u64;
             self.sums.clear_pairs += LANES as u64;
-            self.values[i - self.range.start][first - i..][..LANES].copy_from_slice(&found.values[0]);
-            self.sums.quadrature[i] += found.errors.iter().sum::<f64>();
-            for (sum, error) in self.sums.quadrature[first..first + LANES].iter_mut().zip(&found.errors) {
+            self.run.values[i - self.run.range.start][first - i..][..LANES].copy_from_slice(&found.values[0]);
+            self.sums.clear[i] += found.errors.iter().sum::<f64>();
+            for (sum, error) in self.sums.clear[first..first + LANES].iter_mut().zip(&found.errors) {
                 *sum += error;
             }
             return;
@@ -271,13 +270,13 @@ impl Rows<'_> {
         let start = offsets[i];
         let width = offsets[builder.panels.len()] - start;
         let rows = offsets[i + 1] - start;
-        let row = &mut self.values[i - self.range.start];
+        let row = &mut self.run.values[i - self.run.range.start];
         self.sums.pairs += u64::from(found.done.count_ones());
         self.sums.clear_pairs += u64::from(found.done.count_ones());
         for lane in (0..LANES).filter(|lane| found.done >> lane & 1 == 1) {
             let j = first + lane;
-            self.sums.quadrature[i] += found.errors[lane];
-            self.sums.quadrature[j] += found.errors[lane];
+            self.sums.clear[i] += found.errors[lane];
+            self.sums.clear[j] += found.errors[lane];
             let columns = offsets[j + 1] - offsets[j];
             for k in 0..rows {
                 for l in 0..columns {

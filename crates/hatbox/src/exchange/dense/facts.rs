@@ -1,5 +1,11 @@
 //! What the rows of an operator on constants add up to, in one pass over the upper triangle.
 
+#![expect(clippy::inline_always, reason = "kernels must be inlined into functions compiled for their instruction set")]
+#![expect(
+    clippy::needless_range_loop,
+    reason = "several arrays run in step, and iterators are not inlined into kernels"
+)]
+
 use super::{Dense, RUNS};
 use rayon::prelude::*;
 
@@ -58,37 +64,47 @@ impl Dense {
 }
 
 /// The greater of two numbers; no number if one of them is none.
+#[inline(always)]
 fn greater(a: f64, b: f64) -> f64 {
     if b <= a { a } else { b }
 }
 
+/// Numbers that are added up side by side, so that sums are the same on every processor and can be vectorized.
+const LANES: usize = 8;
+
 /// Adds a row of the upper triangle to the facts of its own place and of those of its columns.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+fma", "x86_64+avx2+fma", "aarch64+neon"))]
 fn scan(place: usize, row: &[f64], areas: &Areas, facts: &mut Facts) {
-    let n = row.len();
-    let (area, inverse) = (&areas.area[place..][..n], &areas.inverse[place..][..n]);
-    let (mine, mine_inverse) = (area[0], inverse[0]);
-    let (sums, counts) = (&mut facts.sums[place..][..n], &mut facts.counts[place..][..n]);
-    let errors = &mut facts.errors[place..][..n];
-    for k in 1..n {
-        let s = row[k];
-        let seen = s != 0.0;
-        let (there, back) = (mine * (s * mine_inverse), area[k] * (s * inverse[k]));
-        let error = if seen { (there - back).abs() / s } else { 0.0 };
-        sums[k] += s;
-        counts[k] += u32::from(seen);
-        errors[k] = if error <= errors[k] { errors[k] } else { error };
+    let (own, row) = ([areas.area[place], areas.inverse[place]], &row[1..]);
+    let (mut sum, mut count, mut worst) = ([0.0; LANES], [0; LANES], [0.0; LANES]);
+    let (n, first) = (row.len(), place + 1);
+    let (area, inverse) = (&areas.area[first..][..n], &areas.inverse[first..][..n]);
+    let (sums, counts) = (&mut facts.sums[first..][..n], &mut facts.counts[first..][..n]);
+    let errors = &mut facts.errors[first..][..n];
+    for start in (0..n).step_by(LANES) {
+        let end = if start + LANES < n { start + LANES } else { n };
+        for k in start..end {
+            let (lane, s) = (k - start, row[k]);
+            let (seen, error) = judged(s, own, [area[k], inverse[k]]);
+            sums[k] += s;
+            counts[k] += seen;
+            errors[k] = greater(errors[k], error);
+            sum[lane] += s;
+            count[lane] += seen;
+            worst[lane] = greater(worst[lane], error);
+        }
     }
-    // In lanes, so that sums are the same on every processor and can be vectorized.
-    let (mut lanes, mut count, mut worst) = ([0.0; 8], 0, errors[0]);
-    for k in 1..n {
-        lanes[k % 8] += row[k];
-        count += u32::from(row[k] != 0.0);
-        let (there, back) = (mine * (row[k] * mine_inverse), area[k] * (row[k] * inverse[k]));
-        let error = if row[k] == 0.0 { 0.0 } else { (there - back).abs() / row[k] };
-        worst = if error <= worst { worst } else { error };
+    for lane in 0..LANES {
+        facts.sums[place] += sum[lane];
+        facts.counts[place] += count[lane];
+        facts.errors[place] = greater(facts.errors[place], worst[lane]);
     }
-    sums[0] += lanes.iter().sum::<f64>();
-    counts[0] += count;
-    errors[0] = worst;
+}
+
+/// Whether two cells exchange anything, and how far the factors either way are from reciprocal. The cells are given by
+/// area and inverse area.
+#[inline(always)]
+fn judged(s: f64, one: [f64; 2], other: [f64; 2]) -> (u32, f64) {
+    let (there, back) = (one[0] * (s * one[1]), other[0] * (s * other[1]));
+    if s == 0.0 { (0, 0.0) } else { (1, (there - back).abs() / s) }
 }

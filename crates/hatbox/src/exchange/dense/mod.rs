@@ -8,6 +8,7 @@
 
 mod build;
 mod facts;
+mod sums;
 mod views;
 
 pub use facts::RowFacts;

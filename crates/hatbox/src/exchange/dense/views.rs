@@ -2,7 +2,7 @@
 
 use crate::assemble::{Accuracy, Block, Facing, Outlook, Panel, Sight, facing_block, pair_block};
 use crate::element::MAX_DOFS;
-use crate::visibility::{Bvh, Occluders, Shaft, ShaftResult, Visibility};
+use crate::visibility::{Body, Bvh, Occluders, Shaft, ShaftResult, Visibility};
 use glam::DVec3;
 
 /// More possible blockers than this in a shaft are not listed.
@@ -47,14 +47,11 @@ impl Views<'_> {
         let [a, b] = panels;
         let blocked = || pair_block(a, b, Sight::Blocked, weights, accuracy);
         let Some(facing) = Facing::new(&a.patch, &b.patch) else { return blocked() };
-        let [on_a, on_b] = facing.polygons();
-        let shaft = Shaft::new(on_a, on_b);
+        let ends = facing.polygons().map(Body::polygon);
         let mut list = Vec::new();
-        let between = self.narrowed(&shaft, panels.map(|panel| self.polygon(panel)), Between::Many, &mut list);
-        match between {
-            Between::Some(candidates) if self.is_hidden(&shaft, candidates) => blocked(),
-            _ => self.block(panels, &facing, between, weights, accuracy),
-        }
+        let between =
+            self.between([&ends[0], &ends[1]], panels.map(|panel| self.polygon(panel)), Between::Many, &mut list);
+        between.map_or_else(blocked, |between| self.block(panels, &facing, between, weights, accuracy))
     }
 
     /// What the point `x` of a face of that index, with unit normal `n`, receives from a panel; `None` if nothing. `list` is
@@ -67,11 +64,10 @@ impl Views<'_> {
         list: &mut Vec<u32>,
     ) -> Option<PointRow> {
         let outlook = Outlook::new(panel, x, n)?;
-        let shaft = Shaft::new(&[x], outlook.corners());
+        let (point, part) = (Body::polygon(&[x]), Body::polygon(outlook.corners()));
         let skip = [self.occluders.of_surface(surface), self.polygon(panel)];
-        match self.narrowed(&shaft, skip, Between::Many, list) {
+        match self.between([&point, &part], skip, Between::Many, list)? {
             Between::Nothing => Some(PointRow::Exact(outlook.row())),
-            Between::Some(candidates) if self.is_hidden(&shaft, candidates) => None,
             Between::Some(candidates) if candidates.len() <= MAX_CLIPPED => {
                 let polygons: Vec<_> = candidates.iter().map(|&k| self.occluders.polygon(k)).collect();
                 let exact = outlook.row_behind(&polygons).map(PointRow::Exact);
@@ -86,32 +82,47 @@ impl Views<'_> {
         self.occluders.of_surface(panel.surface)
     }
 
-    /// What of `inherited` may stand in a shaft, except the polygons of `skip`.
-    pub(super) fn narrowed<'b>(
+    /// What of `inherited` may stand between two bodies, except the polygons of `skip`; `None` if the whole view is hidden.
+    ///
+    /// The box around both and the blockers' own planes settle most of what is inherited before the shaft is made.
+    pub(super) fn between<'b>(
         &self,
-        shaft: &Shaft,
+        [a, b]: [&Body; 2],
         skip: [u32; 2],
         inherited: Between<'_>,
         list: &'b mut Vec<u32>,
-    ) -> Between<'b> {
+    ) -> Option<Between<'b>> {
         list.clear();
+        let mut shaft = Shaft::around(a, b);
         match inherited {
-            Between::Nothing => return Between::Nothing,
+            Between::Nothing => return Some(Between::Nothing),
             Between::Some(candidates) => {
                 let may_block = |&&k: &&u32| !skip.contains(&k) && shaft.may_block(self.occluders.polygon(k));
                 list.extend(candidates.iter().filter(may_block));
+                if list.is_empty() {
+                    return Some(Between::Nothing);
+                }
+                if self.is_hidden(&shaft, list) {
+                    return None;
+                }
+                shaft.tighten(a, b);
+                list.retain(|&k| shaft.may_block(self.occluders.polygon(k)));
             }
             Between::Many => {
-                if self.occluders.candidates(shaft, &skip, list, MAX_CANDIDATES) == ShaftResult::TooMany {
-                    return Between::Many;
+                shaft.tighten(a, b);
+                if self.occluders.candidates(&shaft, &skip, list, MAX_CANDIDATES) == ShaftResult::TooMany {
+                    return Some(Between::Many);
+                }
+                if self.is_hidden(&shaft, list) {
+                    return None;
                 }
             }
         }
-        if list.is_empty() { Between::Nothing } else { Between::Some(list) }
+        Some(if list.is_empty() { Between::Nothing } else { Between::Some(list) })
     }
 
     /// Whether one of the candidates covers the whole view.
-    pub(super) fn is_hidden(&self, shaft: &Shaft, candidates: &[u32]) -> bool {
+    fn is_hidden(&self, shaft: &Shaft, candidates: &[u32]) -> bool {
         candidates.iter().take(MAX_HIDERS).any(|&k| shaft.fully_blocked_by(self.occluders.polygon(k)))
     }
 

@@ -1,6 +1,7 @@
 //! A flat polygon without parts of it.
 
-use crate::io::read::polygon::{self, Piece};
+use crate::io::read::polygon::{Piece, pieces};
+use crate::mesh::polygon::{self, area_vector};
 use glam::DVec3;
 
 /// Distances below this, relative to the size of the polygon, are rounding.
@@ -15,7 +16,7 @@ pub(super) fn contains(polygon: &[DVec3], part: &[DVec3], tolerance: f64) -> boo
 pub(super) fn without<'a>(polygon: &[DVec3], parts: impl Iterator<Item = &'a [DVec3]>) -> Vec<Vec<DVec3>> {
     let mut left = vec![polygon.to_vec()];
     for part in parts {
-        for piece in polygon::pieces(part) {
+        for piece in pieces(part) {
             let convex: Vec<DVec3> = match piece {
                 Piece::Triangle(corners) => corners.iter().map(|&k| part[k]).collect(),
                 Piece::Quad(corners) => corners.iter().map(|&k| part[k]).collect(),
@@ -49,7 +50,7 @@ fn subtract(polygon: Vec<DVec3>, part: &[DVec3]) -> Vec<Vec<DVec3>> {
 /// For each edge a point of it, and the direction in the plane that leads out across it.
 fn outward(polygon: &[DVec3]) -> impl Iterator<Item = (DVec3, DVec3)> {
     let edges = || polygon.iter().zip(polygon.iter().cycle().skip(1));
-    let normal: DVec3 = edges().map(|(&a, &b)| (a - polygon[0]).cross(b - polygon[0])).sum();
+    let normal = area_vector(polygon);
     edges().map(move |(&a, &b)| (a, (b - a).cross(normal).normalize_or_zero()))
 }
 
@@ -59,15 +60,7 @@ fn clipped(polygon: &[DVec3], height: impl Fn(DVec3) -> f64) -> Option<Vec<DVec3
         return None;
     }
     let mut kept = Vec::with_capacity(polygon.len() + 1);
-    for (&a, &b) in polygon.iter().zip(polygon.iter().cycle().skip(1)) {
-        let (p, q) = (height(a), height(b));
-        if p >= 0.0 {
-            kept.push(a);
-        }
-        if p * q < 0.0 {
-            kept.push(a.lerp(b, p / (p - q)));
-        }
-    }
+    polygon::clip(polygon, height, |corner| kept.push(corner));
     Some(kept)
 }
 
