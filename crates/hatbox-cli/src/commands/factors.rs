@@ -9,7 +9,8 @@ use crate::{options, output, summary};
 use hatbox::io::{self, factors};
 use hatbox::view_factors::{self, Closed, Distribution, Estimate, RowCheck, Thinned, ViewFactors};
 use serde::Serialize;
-use std::time::Instant;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
@@ -78,6 +79,18 @@ pub(crate) struct Stages {
     pub(crate) computing: f64,
     /// Writing the files.
     pub(crate) writing: f64,
+}
+
+impl Stages {
+    /// From the times when the file was read, the factors known, and the files written.
+    fn new([read, computed, written]: [Duration; 3], meshing: Duration) -> Self {
+        Self {
+            reading: read.as_secs_f64(),
+            meshing: meshing.as_secs_f64(),
+            computing: (computed - read - meshing).as_secs_f64(),
+            writing: (written - computed).as_secs_f64(),
+        }
+    }
 }
 
 /// How numbers are distributed.
@@ -176,25 +189,12 @@ pub(super) fn run(args: &FactorsArgs, talk: Talk) -> Result<(), Failure> {
     let done = done(&found);
     let computed = started.elapsed();
     // 4. The files.
-    let mut outputs = Vec::new();
-    for path in &args.output {
-        if crate::interrupt::asked() {
-            return Err(Failure::Interrupted);
-        }
-        factors::write(&found, path, &bars)?;
-        outputs.push(Written::new(path));
-    }
+    let outputs = write(&found, &args.output, &bars)?;
     // 5. The summary.
     let ended = started.elapsed();
-    let stages = Stages {
-        reading: read.as_secs_f64(),
-        meshing: found.meshing.as_secs_f64(),
-        computing: (computed - read - found.meshing).as_secs_f64(),
-        writing: (ended - computed).as_secs_f64(),
-    };
     let done = Done {
         seconds: ended.as_secs_f64(),
-        stages,
+        stages: Stages::new([read, computed, ended], found.meshing),
         outputs,
         warnings,
         estimated_bytes: estimate.bytes,
@@ -206,6 +206,18 @@ pub(super) fn run(args: &FactorsArgs, talk: Talk) -> Result<(), Failure> {
         Talk::Summary => output::print(&summary::factors(&args.scene.path, &found, &done, Style::stdout())),
         Talk::Quiet => Ok(()),
     }
+}
+
+/// Writes every file, unless the work is to stop.
+fn write(found: &ViewFactors, paths: &[PathBuf], bars: &Bars) -> Result<Vec<Written>, Failure> {
+    let one = |path: &PathBuf| {
+        if crate::interrupt::asked() {
+            return Err(Failure::Interrupted);
+        }
+        factors::write(found, path, bars)?;
+        Ok(Written::new(path))
+    };
+    paths.iter().map(one).collect()
 }
 
 fn done(found: &ViewFactors) -> Done {

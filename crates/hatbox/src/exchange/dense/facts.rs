@@ -1,10 +1,6 @@
 //! What the rows of an operator on constants add up to, in one pass over the upper triangle.
 
 #![expect(clippy::inline_always, reason = "kernels must be inlined into functions compiled for their instruction set")]
-#![expect(
-    clippy::needless_range_loop,
-    reason = "several arrays run in step, and iterators are not inlined into kernels"
-)]
 
 use super::{Dense, RUNS};
 use rayon::prelude::*;
