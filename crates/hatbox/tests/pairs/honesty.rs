@@ -7,11 +7,11 @@ use hatbox::element::{ALL, Basis, Shape};
 use hatbox::quadrature::sequence::point;
 
 /// Pairs with something in between, and how many are tried when there is time.
-const PAIRS: usize = 150;
+const PAIRS: usize = 100;
 const MANY: usize = 2000;
 /// Tolerances of the tried runs, and how much tighter those are that count as the truth.
 const TOLERANCES: [f64; 2] = [1e-2, 1e-3];
-const TIGHTER: f64 = 1e-2;
+const TIGHTER: f64 = 1e-3;
 /// The part of the pairs whose error may exceed what is reported.
 const FAILURES: f64 = 0.01;
 

@@ -105,9 +105,8 @@ impl Outer<'_> {
 
     fn piece(&self, cut: Cut, depth: usize, budget: f64) -> Piece {
         let first = self.rule(&cut, self.degrees[0]);
-        let first = Block { quadrature_error: f64::INFINITY, ..first };
         let Some(shadows) = &self.shadows else {
-            return Piece { cut, depth, block: self.smooth(&cut, first, budget), crease: None };
+            return Piece { cut, depth, block: self.smooth(&cut, &first, budget), crease: None };
         };
         // Rules of few points agree with the corners and with the middle, too, where there is nothing to be found. Both are
         // asked: the corners and a rule of four points agree about any step between the points.
@@ -119,7 +118,7 @@ impl Outer<'_> {
         }
         let crease = self.crossing(&cut, (shadows.creases)());
         let block = match crease {
-            None => self.smooth(&cut, Block { quadrature_error: f64::INFINITY, ..first }, budget),
+            None => self.smooth(&cut, &first, budget),
             Some(_) if shadows.guard * check > budget => first,
             Some(_) => {
                 let better = self.rule(&cut, self.degrees[1]);
@@ -130,9 +129,9 @@ impl Outer<'_> {
         Piece { cut, depth, block, crease }
     }
 
-    /// The first of the rules that agrees with the one before to within the budget, or the last.
-    fn smooth(&self, cut: &Cut, first: Block, budget: f64) -> Block {
-        let mut block = first;
+    /// The first of the rules after the `first` that agrees with the one before to within the budget, or the last.
+    fn smooth(&self, cut: &Cut, first: &Block, budget: f64) -> Block {
+        let mut block = Block { quadrature_error: f64::INFINITY, ..*first };
         for &degree in &self.degrees[1..] {
             if block.quadrature_error <= budget {
                 break;

@@ -35,7 +35,9 @@ pub(super) fn build(geometry: &Geometry<'_>, params: &Params, progress: &dyn Pro
     };
     let mut strands = builder.strands(progress)?;
     let mut total = Sums::new(ordered.len());
-    strands.iter().for_each(|strand| total.add(&strand.sums));
+    for strand in &strands {
+        total.add(&strand.sums);
+    }
     if let Some(limits) = Limits::of(&total, &ordered, &builder.accuracy) {
         let mended = builder.mend(&limits, &mut strands, progress)?;
         total.replace(&mended, &limits);
@@ -120,7 +122,9 @@ impl Builder<'_> {
         let all: Vec<Sums> = strands.par_iter_mut().with_max_len(1).map(mend).collect::<Result<_, _>>()?;
         progress.end();
         let mut total = Sums::new(cells);
-        all.iter().for_each(|sums| total.add(sums));
+        for sums in &all {
+            total.add(sums);
+        }
         Ok(total)
     }
 

@@ -52,7 +52,9 @@ impl Sums {
     pub(super) fn note_clear(&mut self, places: [usize; 2], block: &Block) {
         let seen = sees(block);
         (self.pairs, self.clear_pairs) = (self.pairs + seen, self.clear_pairs + seen);
-        places.iter().for_each(|&place| self.clear[place] += block.quadrature_error);
+        for place in places {
+            self.clear[place] += block.quadrature_error;
+        }
     }
 
     /// `scale` is what the pair's error is counted in.
