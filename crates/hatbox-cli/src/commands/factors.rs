@@ -83,13 +83,9 @@ pub(crate) struct Stages {
 
 impl Stages {
     /// From the times when the file was read, the factors known, and the files written.
-    fn new([read, computed, written]: [Duration; 3], meshing: Duration) -> Self {
-        Self {
-            reading: read.as_secs_f64(),
-            meshing: meshing.as_secs_f64(),
-            computing: (computed - read - meshing).as_secs_f64(),
-            writing: (written - computed).as_secs_f64(),
-        }
+    fn new(times: [Duration; 3], meshing: Duration) -> Self {
+        let ([read, computed, written], meshing) = (times.map(|time| time.as_secs_f64()), meshing.as_secs_f64());
+        Self { reading: read, meshing, computing: computed - read - meshing, writing: written - computed }
     }
 }
 
