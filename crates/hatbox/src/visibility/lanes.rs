@@ -13,7 +13,6 @@ pub(super) trait Vector<const N: usize>: Copy {
     fn add(self, other: Self) -> Self;
     fn sub(self, other: Self) -> Self;
     fn mul(self, other: Self) -> Self;
-    fn div(self, other: Self) -> Self;
     /// self · b − c, rounded once or twice.
     fn mul_sub(self, b: Self, c: Self) -> Self;
     /// c − self · b, rounded once or twice.
@@ -27,7 +26,6 @@ pub(super) trait Vector<const N: usize>: Copy {
     fn at_most(self, other: Self) -> u32;
     /// A number in all lanes.
     fn like(self, value: f32) -> Self;
-    fn to_array(self) -> [f32; N];
 }
 
 /// Four numbers of f64; every instruction set rounds them alike.
@@ -117,10 +115,6 @@ impl<const N: usize> Vector<N> for Array<N> {
         self.zip(other, |x, y| x * y)
     }
     #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        self.zip(other, |x, y| x / y)
-    }
-    #[inline(always)]
     fn mul_sub(self, b: Self, c: Self) -> Self {
         self.mul(b).sub(c)
     }
@@ -151,10 +145,6 @@ impl<const N: usize> Vector<N> for Array<N> {
     #[inline(always)]
     fn like(self, value: f32) -> Self {
         Self([value; N])
-    }
-    #[inline(always)]
-    fn to_array(self) -> [f32; N] {
-        self.0
     }
 }
 

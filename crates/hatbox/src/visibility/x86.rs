@@ -4,15 +4,14 @@ use super::build::{LEAF, WIDTH};
 use super::lanes::{Doubles, Lanes, NONE, RAYS, Vector};
 use std::arch::x86_64::{
     __m128, __m128i, __m256, __m256d, __m512, _CMP_LE_OQ, _CMP_NLE_UQ, _MM_HINT_T0, _mm_add_ps, _mm_andnot_ps,
-    _mm_cmp_ps, _mm_cvtsi128_si32, _mm_div_ps, _mm_fmsub_ps, _mm_fnmadd_ps, _mm_loadu_ps, _mm_loadu_si128, _mm_max_ps,
-    _mm_min_ps, _mm_minpos_epu16, _mm_movemask_ps, _mm_mul_ps, _mm_or_si128, _mm_packus_epi32, _mm_prefetch,
-    _mm_set1_epi16, _mm_set1_ps, _mm_storeu_ps, _mm_sub_ps, _mm256_add_ps, _mm256_andnot_ps, _mm256_castps_si256,
-    _mm256_castsi256_si128, _mm256_cmp_pd, _mm256_cmp_ps, _mm256_div_ps, _mm256_extracti128_si256, _mm256_fmsub_ps,
-    _mm256_fnmadd_ps, _mm256_loadu_pd, _mm256_loadu_ps, _mm256_max_pd, _mm256_max_ps, _mm256_min_pd, _mm256_min_ps,
-    _mm256_movemask_pd, _mm256_movemask_ps, _mm256_mul_pd, _mm256_mul_ps, _mm256_or_ps, _mm256_set1_pd, _mm256_set1_ps,
-    _mm256_srli_epi32, _mm256_storeu_ps, _mm256_sub_pd, _mm256_sub_ps, _mm512_abs_ps, _mm512_add_ps,
-    _mm512_cmp_ps_mask, _mm512_div_ps, _mm512_fmsub_ps, _mm512_fnmadd_ps, _mm512_loadu_ps, _mm512_max_ps,
-    _mm512_min_ps, _mm512_mul_ps, _mm512_set1_ps, _mm512_storeu_ps, _mm512_sub_ps,
+    _mm_cmp_ps, _mm_cvtsi128_si32, _mm_fmsub_ps, _mm_fnmadd_ps, _mm_loadu_ps, _mm_loadu_si128, _mm_max_ps, _mm_min_ps,
+    _mm_minpos_epu16, _mm_movemask_ps, _mm_mul_ps, _mm_or_si128, _mm_packus_epi32, _mm_prefetch, _mm_set1_epi16,
+    _mm_set1_ps, _mm_sub_ps, _mm256_add_ps, _mm256_andnot_ps, _mm256_castps_si256, _mm256_castsi256_si128,
+    _mm256_cmp_pd, _mm256_cmp_ps, _mm256_extracti128_si256, _mm256_fmsub_ps, _mm256_fnmadd_ps, _mm256_loadu_pd,
+    _mm256_loadu_ps, _mm256_max_pd, _mm256_max_ps, _mm256_min_pd, _mm256_min_ps, _mm256_movemask_pd,
+    _mm256_movemask_ps, _mm256_mul_pd, _mm256_mul_ps, _mm256_or_ps, _mm256_set1_pd, _mm256_set1_ps, _mm256_srli_epi32,
+    _mm256_sub_pd, _mm256_sub_ps, _mm512_abs_ps, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_fmsub_ps, _mm512_fnmadd_ps,
+    _mm512_loadu_ps, _mm512_max_ps, _mm512_min_ps, _mm512_mul_ps, _mm512_set1_ps, _mm512_sub_ps,
 };
 
 /// Proof that the processor has AVX2, fused multiply-add, and the instructions on bits that came with them.
@@ -48,8 +47,8 @@ impl Avx512 {
 
 /// A vector of one register. Values are made by [`Lanes`] only, whose implementors prove the feature.
 macro_rules! vector {
-    ($name:ident, $register:ty, $n:expr, $add:ident, $sub:ident, $mul:ident, $div:ident, $fmsub:ident, $fnmadd:ident, $min:ident,
-     $max:ident, $store:ident, $splat:ident, |$x:ident| $abs:expr, |$y:ident, $z:ident| $at_most:expr) => {
+    ($name:ident, $register:ty, $n:expr, $add:ident, $sub:ident, $mul:ident, $fmsub:ident, $fnmadd:ident, $min:ident,
+     $max:ident, $splat:ident, |$x:ident| $abs:expr, |$y:ident, $z:ident| $at_most:expr) => {
         #[derive(Clone, Copy)]
         pub(super) struct $name($register);
 
@@ -68,11 +67,6 @@ macro_rules! vector {
             fn mul(self, other: Self) -> Self {
                 // SAFETY: as above.
                 Self(unsafe { $mul(self.0, other.0) })
-            }
-            #[inline(always)]
-            fn div(self, other: Self) -> Self {
-                // SAFETY: as above.
-                Self(unsafe { $div(self.0, other.0) })
             }
             #[inline(always)]
             fn mul_sub(self, b: Self, c: Self) -> Self {
@@ -111,13 +105,6 @@ macro_rules! vector {
                 // SAFETY: as above.
                 Self(unsafe { $splat(value) })
             }
-            #[inline(always)]
-            fn to_array(self) -> [f32; $n] {
-                let mut out = [0.0; $n];
-                // SAFETY: as above; the array has room for the register.
-                unsafe { $store(out.as_mut_ptr(), self.0) };
-                out
-            }
         }
     };
 }
@@ -129,12 +116,10 @@ vector!(
     _mm_add_ps,
     _mm_sub_ps,
     _mm_mul_ps,
-    _mm_div_ps,
     _mm_fmsub_ps,
     _mm_fnmadd_ps,
     _mm_min_ps,
     _mm_max_ps,
-    _mm_storeu_ps,
     _mm_set1_ps,
     |x| _mm_andnot_ps(_mm_set1_ps(-0.0), x),
     |x, y| _mm_movemask_ps(_mm_cmp_ps::<_CMP_LE_OQ>(x, y)) as u32
@@ -146,12 +131,10 @@ vector!(
     _mm256_add_ps,
     _mm256_sub_ps,
     _mm256_mul_ps,
-    _mm256_div_ps,
     _mm256_fmsub_ps,
     _mm256_fnmadd_ps,
     _mm256_min_ps,
     _mm256_max_ps,
-    _mm256_storeu_ps,
     _mm256_set1_ps,
     |x| _mm256_andnot_ps(_mm256_set1_ps(-0.0), x),
     |x, y| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(x, y)) as u32
@@ -163,12 +146,10 @@ vector!(
     _mm512_add_ps,
     _mm512_sub_ps,
     _mm512_mul_ps,
-    _mm512_div_ps,
     _mm512_fmsub_ps,
     _mm512_fnmadd_ps,
     _mm512_min_ps,
     _mm512_max_ps,
-    _mm512_storeu_ps,
     _mm512_set1_ps,
     |x| _mm512_abs_ps(x),
     |x, y| u32::from(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(x, y))
@@ -190,10 +171,6 @@ impl Vector<16> for Twice {
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
         Self(self.0.mul(other.0), self.1.mul(other.1))
-    }
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        Self(self.0.div(other.0), self.1.div(other.1))
     }
     #[inline(always)]
     fn mul_sub(self, b: Self, c: Self) -> Self {
@@ -222,13 +199,6 @@ impl Vector<16> for Twice {
     #[inline(always)]
     fn like(self, value: f32) -> Self {
         Self(self.0.like(value), self.1.like(value))
-    }
-    #[inline(always)]
-    fn to_array(self) -> [f32; 16] {
-        let mut out = [0.0; 16];
-        out[..8].copy_from_slice(&self.0.to_array());
-        out[8..].copy_from_slice(&self.1.to_array());
-        out
     }
 }
 
