@@ -6,6 +6,7 @@
 //! more bins for few items, which did not make better trees). Subtrees are built and written in parallel and are the same for any number of threads, since each depends on
 //! its own triangles only.
 
+use super::block::Block;
 use super::exact::Triangle;
 use super::leaf::Leaf;
 use super::node::{Frame, LEAF_BIT, Node};
@@ -206,42 +207,67 @@ impl Subtree {
         Self { children, nodes, leaves, items }
     }
 
-    /// Writes the nodes and leaves in depth-first order; `at` is where the slices begin in the tree. `triangles` are all.
+    /// Writes the nodes and leaves in depth-first order; `at` is where the slices begin in the tree.
     pub(super) fn write(
         &self,
         at: [usize; 2],
         nodes: &mut [Node],
         leaves: &mut [Leaf],
-        all: &[Triangle],
-        frame: Frame,
+        blocks: &mut [Block],
+        source: &Source,
     ) {
         let (own, mut nodes) = nodes.split_at_mut(1);
-        let mut leaves = leaves;
+        own[0] = Node::EMPTY;
+        let (mut leaves, mut blocks) = (leaves, blocks);
         let mut at = [at[0] + 1, at[1]];
         let mut below = Vec::new();
         for (lane, child) in self.children.iter().enumerate() {
-            let here;
             match child {
                 Child::Leaf(bounds, first, count) => {
-                    (here, leaves) = leaves.split_at_mut(1);
-                    here[0].fill(&all[*first as usize..(*first + *count) as usize], *first, frame);
+                    let (leaf, block);
+                    (leaf, leaves) = leaves.split_at_mut(1);
+                    (block, blocks) = blocks.split_at_mut(1);
+                    (leaf[0], block[0]) = source.leaf(*first as usize, *count as usize);
                     own[0].set(lane, bounds, LEAF_BIT | at[1] as u32);
                     at[1] += 1;
                 }
                 Child::Node(bounds, subtree) => {
-                    let (its_nodes, its_leaves);
+                    let (its_nodes, its_leaves, its_blocks);
                     (its_nodes, nodes) = nodes.split_at_mut(subtree.nodes);
                     (its_leaves, leaves) = leaves.split_at_mut(subtree.leaves);
+                    (its_blocks, blocks) = blocks.split_at_mut(subtree.leaves);
                     own[0].set(lane, bounds, at[0] as u32);
-                    below.push((subtree, at, its_nodes, its_leaves));
+                    below.push((subtree, at, its_nodes, its_leaves, its_blocks));
                     at = [at[0] + subtree.nodes, at[1] + subtree.leaves];
                 }
             }
         }
-        let go = |(subtree, at, nodes, leaves): (&Self, [usize; 2], &mut [Node], &mut [Leaf])| {
-            subtree.write(at, nodes, leaves, all, frame);
+        let go = |(subtree, at, nodes, leaves, blocks): (&Self, [usize; 2], &mut [Node], &mut [Leaf], &mut [Block])| {
+            subtree.write(at, nodes, leaves, blocks, source);
         };
         if self.items >= PARALLEL { below.into_par_iter().for_each(go) } else { below.into_iter().for_each(go) }
+    }
+}
+
+/// What leaves are made of.
+pub(super) struct Source<'a> {
+    pub(super) items: &'a [Item],
+    pub(super) triangles: &'a [[DVec3; 3]],
+    pub(super) ids: &'a [u32],
+    pub(super) frame: Frame,
+}
+
+impl Source<'_> {
+    /// The leaf of `count` items from `first` on, in both forms.
+    fn leaf(&self, first: usize, count: usize) -> (Leaf, Block) {
+        let (mut leaf, mut block) = (Leaf::EMPTY, Block::EMPTY);
+        for (lane, item) in self.items[first..first + count].iter().enumerate() {
+            let index = item.index();
+            let triangle = Triangle { corners: self.triangles[index as usize], index, id: self.ids[index as usize] };
+            leaf.push(&triangle, self.frame);
+            block.set(lane, &triangle);
+        }
+        (leaf, block)
     }
 }
 
@@ -268,17 +294,24 @@ struct Plan {
     lo: f32,
     scale: f32,
     /// The first bin on the right.
-    at: i32,
+    at: u32,
     /// The boxes around the items of either side.
     bounds: [Bounds; 2],
 }
 
 impl Plan {
     #[inline(always)]
-    fn bin(&self, center: [f32; 4]) -> i32 {
-        // The same arithmetic as for the bins.
-        ((center[self.axis] - self.lo) * self.scale) as i32
+    fn goes_left(&self, item: &Item) -> bool {
+        bin(item.center()[self.axis], self.lo, self.scale) < self.at
     }
+}
+
+/// The bin of a center, rounded by the bits of a number so large that its last one counts ones: a conversion that
+/// saturates costs several times as much.
+#[inline(always)]
+fn bin(center: f32, lo: f32, scale: f32) -> u32 {
+    const ONES: f32 = 12_582_912.0;
+    (((center - lo) * scale - 0.5) + ONES).to_bits() % BINS[0] as u32
 }
 
 type Bins<const B: usize> = [[(Bounds, u32); B]; 3];
@@ -298,7 +331,7 @@ fn plan<const B: usize>(part: &Part<'_>) -> Option<Plan> {
         .map(|(_, axis, at)| {
             let (left, right) = bins[axis].split_at(at);
             let bounds = [left, right].map(joined);
-            Plan { axis, lo: range.lo[axis], scale: scale[axis], at: at as i32, bounds }
+            Plan { axis, lo: range.lo[axis], scale: scale[axis], at: at as u32, bounds }
         })
 }
 
@@ -326,7 +359,7 @@ fn binned<const B: usize>(items: &[Item], lo: [f32; 4], scale: [f32; 3]) -> Bins
     for item in items {
         let center = item.center();
         for axis in 0..3 {
-            let bin = ((center[axis] - lo[axis]) * scale[axis]) as i32;
+            let bin = bin(center[axis], lo[axis], scale[axis]);
             let (bounds, count) = &mut bins[axis][bin as usize % B];
             bounds.join(&item.0);
             *count += 1;
@@ -368,7 +401,7 @@ fn partition<'a>(items: &'a mut [Item], plan: &Plan) -> [Part<'a>; 2] {
     for k in 0..items.len() {
         // Items from `count` to `k` are on the right, and one more if this one is.
         items.swap(k, count);
-        count += usize::from(plan.bin(items[count].center()) < plan.at);
+        count += usize::from(plan.goes_left(&items[count]));
     }
     let (left, right) = items.split_at_mut(count);
     let [l, r] = [&*left, &*right].map(centers);

@@ -1,10 +1,13 @@
 use super::Visibility;
-use super::build::{DEPTH, Item, WIDTH, build, range};
+use super::block::Block;
+use super::build::{DEPTH, Item, LEAF, Source, WIDTH, build, range};
+use super::closest::Query;
 use super::exact::{self, Ray, Triangle};
-use super::lanes::{Lanes, Portable};
+use super::lanes::{Lanes, Portable, Vector};
 use super::leaf::{Leaf, Probe};
 use super::node::{Frame, LEAF_BIT, Local, Node, Slabs};
 use super::packet::Segments;
+use super::pages::Pages;
 #[cfg(target_arch = "x86_64")]
 use super::x86::{Avx2, Avx512};
 use crate::scene::Surface;
@@ -13,8 +16,6 @@ use rayon::prelude::*;
 
 /// Pending nodes of a traversal: each level leaves at most all children but one.
 pub(super) const STACK: usize = DEPTH * (WIDTH - 1) + 1;
-/// Up to this many leaves are tested one after the other, without the tree.
-const FLAT: usize = 4;
 
 /// A tree of boxes over triangles, eight children per node, four triangles per leaf.
 ///
@@ -22,11 +23,11 @@ const FLAT: usize = 4;
 /// nearest. Coordinates may lie anywhere between about 1e-100 and 1e100.
 #[derive(Debug, Clone)]
 pub struct Bvh {
-    pub(super) nodes: Vec<Node>,
-    pub(super) leaves: Vec<Leaf>,
-    /// In the order of the leaves.
-    pub(super) triangles: Vec<Triangle>,
-    /// Where each triangle of the input is among them; `u32::MAX` if it was not finite.
+    pub(super) nodes: Pages<Node>,
+    pub(super) leaves: Pages<Leaf>,
+    /// The same triangles in f64.
+    pub(super) blocks: Pages<Block>,
+    /// Where each triangle of the input is: leaf · [`LEAF`] + lane, or `u32::MAX` if it was not finite.
     slots: Vec<u32>,
     pub(super) frame: Frame,
     instructions: Instructions,
@@ -124,9 +125,9 @@ impl Bvh {
             .map(|index| Item::new(frame.bounds(&triangles[index as usize]), index))
             .collect();
         let mut bvh = Self {
-            nodes: Vec::new(),
-            leaves: Vec::new(),
-            triangles: Vec::new(),
+            nodes: Pages::zeroed(0),
+            leaves: Pages::zeroed(0),
+            blocks: Pages::zeroed(0),
             slots: vec![u32::MAX; triangles.len()],
             frame,
             instructions: Instructions::detect(InstructionSet::Avx512),
@@ -139,17 +140,16 @@ impl Bvh {
 
     fn fill(&mut self, items: &mut [Item], triangles: &[[DVec3; 3]], ids: &[u32]) {
         let root = build(items);
-        let triangle = |item: &Item| {
-            let index = item.index();
-            Triangle { corners: triangles[index as usize], index, id: ids[index as usize] }
-        };
-        self.triangles = items.par_iter().with_min_len(1 << 12).map(triangle).collect();
-        for (slot, triangle) in self.triangles.iter().enumerate() {
-            self.slots[triangle.index as usize] = slot as u32;
+        self.nodes = Pages::zeroed(root.nodes);
+        self.leaves = Pages::zeroed(root.leaves);
+        self.blocks = Pages::zeroed(root.leaves);
+        let source = Source { items, triangles, ids, frame: self.frame };
+        root.write([0, 0], &mut self.nodes, &mut self.leaves, &mut self.blocks, &source);
+        for (leaf, block) in self.blocks.iter().enumerate() {
+            for (lane, triangle) in block.triangles().enumerate() {
+                self.slots[triangle.index as usize] = (leaf * LEAF + lane) as u32;
+            }
         }
-        self.nodes = vec![Node::EMPTY; root.nodes];
-        self.leaves = vec![Leaf::EMPTY; root.leaves];
-        root.write([0, 0], &mut self.nodes, &mut self.leaves, &self.triangles, self.frame);
     }
 
     /// From surfaces; their ids are their indices.
@@ -194,10 +194,7 @@ impl Bvh {
 
     /// Memory in bytes.
     pub fn bytes(&self) -> usize {
-        size_of_val(&*self.nodes)
-            + size_of_val(&*self.leaves)
-            + size_of_val(&*self.triangles)
-            + size_of_val(&*self.slots)
+        size_of_val(&*self.nodes) + size_of_val(&*self.leaves) + size_of_val(&*self.blocks) + size_of_val(&*self.slots)
     }
 
     /// The corners of a triangle and the id of its surface; `None` if it does not exist or is not finite.
@@ -206,15 +203,16 @@ impl Bvh {
         Some((triangle.corners, triangle.id))
     }
 
-    fn exact(&self, index: u32) -> Option<&Triangle> {
-        self.triangles.get(*self.slots.get(index as usize)? as usize)
+    fn exact(&self, index: u32) -> Option<Triangle> {
+        let slot = *self.slots.get(index as usize)? as usize;
+        self.blocks.get(slot / LEAF).map(|block| block.triangle(slot % LEAF))
     }
 
     /// Whether one of the `candidates`, indices of triangles, crosses the segment strictly between its ends: the same
     /// test as [`Visibility::occluded`], on the few triangles that a shaft has left.
     pub fn occluded_by(&self, from: DVec3, to: DVec3, candidates: &[u32]) -> bool {
         let Some(ray) = Ray::segment(from, to) else { return false };
-        let crosses = |triangle: &Triangle| ray.cross(triangle).is_some_and(|found| ray.counts(triangle, found.t));
+        let crosses = |triangle: Triangle| ray.cross(&triangle).is_some_and(|found| ray.counts(&triangle, found.t));
         candidates.iter().any(|&index| self.exact(index).is_some_and(crosses))
     }
 
@@ -228,34 +226,22 @@ impl Bvh {
         t_max: f64,
         accept: impl Fn(u32, bool) -> bool,
     ) -> Option<Hit> {
-        let ray = Ray::open(origin, direction, t_max)?;
-        let Ok(local) = Local::new(self.frame, origin, direction, exact::guard(origin, origin)) else {
-            let mut best = None;
-            self.triangles.iter().for_each(|triangle| ray.closer(triangle, &accept, &mut best));
-            return best;
-        };
-        dispatch!(self, closest, closest_avx2, closest_avx2, &ray, &local, t_max, &accept)
+        let query = Query { origin, direction, end: t_max, accept: &accept };
+        dispatch!(self, closest, closest_avx2, closest_avx2, &query)
     }
 
     /// [`Self::any`] compiled for AVX2.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn any_avx2(&self, avx2: Avx2, segments: &Segments, local: &Local) -> bool {
-        self.any(avx2, segments, local)
+    fn any_avx2(&self, avx2: Avx2, ends: [DVec3; 2], skip: [u32; 2]) -> bool {
+        self.any(avx2, ends, skip)
     }
 
     /// [`Self::closest`] compiled for AVX2.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn closest_avx2(
-        &self,
-        avx2: Avx2,
-        ray: &Ray,
-        local: &Local,
-        t_max: f64,
-        accept: &impl Fn(u32, bool) -> bool,
-    ) -> Option<Hit> {
-        self.closest(avx2, ray, local, t_max, accept)
+    fn closest_avx2<A: Fn(u32, bool) -> bool>(&self, avx2: Avx2, query: &Query<A>) -> Option<Hit> {
+        self.closest(avx2, query)
     }
 
     /// [`Self::any_of`] compiled for AVX2.
@@ -272,78 +258,75 @@ impl Bvh {
         self.any_of(avx512, segments)
     }
 
-    /// Whether any triangle blocks the one segment.
+    /// Whether any triangle blocks a segment.
+    ///
+    /// The stack holds nodes and which of their children wait, so that nothing is done for children that are never
+    /// visited.
     #[inline(always)]
-    fn any<L: Lanes>(&self, lanes: L, segments: &Segments, local: &Local) -> bool {
-        let probe = Probe::new(local, 1.0);
-        if self.leaves.len() <= FLAT {
-            for leaf in &self.leaves {
-                if self.blocks(lanes, leaf, &probe, segments) {
-                    return true;
-                }
+    fn any<L: Lanes>(&self, lanes: L, ends: [DVec3; 2], skip: [u32; 2]) -> bool {
+        let [from, to] = ends;
+        let Ok(local) = Local::new(self.frame, from, to - from, exact::guard(from, to)) else {
+            return self.any_of_all(ends, skip);
+        };
+        let (probe, slabs) = (Probe::new(&local, 1.0), Slabs::new(&local, 1.0));
+        let nodes = &*self.nodes;
+        let (mut stack, mut pending) = ([(0_u32, 0_u32); DEPTH], 0);
+        let mut index = 0;
+        while let Some(node) = nodes.get(index as usize) {
+            let [enter, leave] = node.slabs(lanes, &slabs);
+            let mask = enter.at_most(leave);
+            let mut inner = mask & !node.leaves;
+            let soon = if inner == 0 { index } else { node.child(inner.trailing_zeros()) };
+            lanes.prefetch(nodes.as_ptr().wrapping_add(soon as usize).cast(), size_of::<Node>());
+            if self.any_in(lanes, node, mask & node.leaves, &probe, ends, skip) {
+                return true;
             }
-            return false;
-        }
-        let slabs = Slabs::new(local, 1.0);
-        let mut stack = [0_u32; STACK];
-        let mut pending = 1;
-        while pending > 0 {
-            pending -= 1;
-            let node = &self.nodes[stack[pending] as usize];
-            let (mask, _) = node.slabs(lanes, &slabs);
-            pending = self.push(lanes, node, mask, &mut stack, pending);
-            let mut leaves = mask & node.leaves;
-            while leaves != 0 {
-                let child = node.child[leaves.trailing_zeros() as usize];
-                leaves &= leaves - 1;
-                if self.blocks(lanes, &self.leaves[(child ^ LEAF_BIT) as usize], &probe, segments) {
-                    return true;
+            if inner == 0 {
+                if pending == 0 {
+                    return false;
                 }
+                pending -= 1;
+                (index, inner) = stack[pending];
             }
+            let rest = inner & (inner - 1);
+            stack[pending] = (index, rest);
+            pending += usize::from(rest != 0);
+            let parent = &nodes[index as usize];
+            index = parent.child(inner.trailing_zeros());
+            let soon = parent.child(next(inner, rest)) as usize;
+            lanes.prefetch(nodes.as_ptr().wrapping_add(soon).cast(), size_of::<Node>());
         }
         false
     }
 
-    /// Asks for the memory of the children in `mask` and puts those that are nodes on the stack.
+    /// Whether a triangle of those of a node's leaves that are `met` blocks a segment.
     #[inline(always)]
-    pub(super) fn push<L: Lanes>(
+    fn any_in<L: Lanes>(
         &self,
         lanes: L,
         node: &Node,
-        mask: u32,
-        stack: &mut [u32; STACK],
-        mut pending: usize,
-    ) -> usize {
-        let mut leaves = mask & node.leaves;
-        while leaves != 0 {
-            let child = node.child[leaves.trailing_zeros() as usize];
-            leaves &= leaves - 1;
-            lanes.prefetch(&self.leaves[(child ^ LEAF_BIT) as usize]);
-        }
-        let mut inner = mask & !node.leaves;
-        while inner != 0 {
-            let child = node.child[inner.trailing_zeros() as usize];
-            inner &= inner - 1;
-            lanes.prefetch(&self.nodes[child as usize]);
-            stack[pending] = child;
-            pending += 1;
-        }
-        pending
-    }
-
-    /// Whether a triangle of a leaf blocks the one segment.
-    #[inline(always)]
-    fn blocks<L: Lanes>(&self, lanes: L, leaf: &Leaf, probe: &Probe, segments: &Segments) -> bool {
-        let verdict = probe.judge(lanes, leaf);
-        let mut found = verdict.sure | verdict.doubtful;
-        while found != 0 {
-            let lane = found.trailing_zeros() as usize;
-            found &= found - 1;
-            if segments.skip.contains(&leaf.id[lane]) {
-                continue;
-            }
-            if verdict.sure >> lane & 1 != 0 || self.surely_blocks(leaf.first as usize + lane, segments) {
-                return true;
+        mut met: u32,
+        probe: &Probe,
+        ends: [DVec3; 2],
+        skip: [u32; 2],
+    ) -> bool {
+        let leaves = &*self.leaves;
+        while met != 0 {
+            let rest = met & (met - 1);
+            let soon = (node.child(next(met, rest)) ^ LEAF_BIT) as usize;
+            lanes.prefetch(leaves.as_ptr().wrapping_add(soon).cast(), size_of::<Leaf>());
+            let here = (node.child(met.trailing_zeros()) ^ LEAF_BIT) as usize;
+            met = rest;
+            let found = probe.judge(lanes, &leaves[here]);
+            let mut left = found.sure | found.doubtful;
+            while left != 0 {
+                let lane = left.trailing_zeros() as usize;
+                left &= left - 1;
+                if !skip.contains(&leaves[here].id[lane])
+                    && (found.sure >> lane & 1 != 0 || self.surely_blocks(here, lane, ends, skip))
+                {
+                    return true;
+                }
             }
         }
         false
@@ -351,21 +334,27 @@ impl Bvh {
 
     /// The decision in f64, out of the way of the loop.
     #[inline(never)]
-    fn surely_blocks(&self, triangle: usize, segments: &Segments) -> bool {
-        Ray::segment(segments.from[0], segments.to[0])
-            .is_some_and(|ray| ray.blocked_by(&self.triangles[triangle], segments.skip))
+    pub(super) fn surely_blocks(&self, leaf: usize, lane: usize, [from, to]: [DVec3; 2], skip: [u32; 2]) -> bool {
+        Ray::segment(from, to).is_some_and(|ray| ray.blocked_by(&self.blocks[leaf].triangle(lane), skip))
     }
+
+    /// The decision for segments that f32 does not serve.
+    #[cold]
+    fn any_of_all(&self, [from, to]: [DVec3; 2], skip: [u32; 2]) -> bool {
+        let mut all = self.blocks.iter().flat_map(Block::triangles);
+        Ray::segment(from, to).is_some_and(|ray| all.any(|triangle| ray.blocked_by(&triangle, skip)))
+    }
+}
+
+/// The lane of the first of the children `rest`; if there is none, that of the first of `all`, modulo their number.
+#[inline(always)]
+fn next(all: u32, rest: u32) -> u32 {
+    (rest | all << WIDTH).trailing_zeros()
 }
 
 impl Visibility for Bvh {
     fn occluded(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> bool {
-        let (ends, guard) = ([from, to], exact::guard(from, to));
-        let segments = Segments { from: &ends[..1], to: &ends[1..], skip };
-        let Ok(local) = Local::new(self.frame, from, to - from, guard) else {
-            let Some(ray) = Ray::segment(from, to) else { return false };
-            return self.triangles.iter().any(|triangle| ray.blocked_by(triangle, skip));
-        };
-        dispatch!(self, any, any_avx2, any_avx2, &segments, &local)
+        dispatch!(self, any, any_avx2, any_avx2, [from, to], skip)
     }
 
     fn occluded_packet(&self, from: &[DVec3], to: &[DVec3], skip: [u32; 2]) -> u32 {
@@ -373,15 +362,5 @@ impl Visibility for Bvh {
         let segments = Segments { from, to, skip };
         dispatch!(self, any_of, any_of_avx2, any_of_avx512, &segments)
             .unwrap_or_else(|| super::one_by_one(self, from, to, skip))
-    }
-}
-
-/// Puts the last entry where it belongs among the others, which run from the farthest to the nearest.
-#[inline(always)]
-pub(super) fn sink(stack: &mut [(f32, u32)]) {
-    let mut k = stack.len() - 1;
-    while k > 0 && stack[k - 1].0 < stack[k].0 {
-        stack.swap(k - 1, k);
-        k -= 1;
     }
 }

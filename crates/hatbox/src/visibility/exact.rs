@@ -23,10 +23,10 @@ pub(super) struct Ray {
     direction: DVec3,
     /// Crossings count for 0 < t < `end`.
     end: f64,
-    axes: [usize; 3],
+    pub(super) axes: [usize; 3],
     /// The origin, axes permuted.
-    start: [f64; 3],
-    shear: [f64; 3],
+    pub(super) start: [f64; 3],
+    pub(super) shear: [f64; 3],
     /// An end this close to a triangle's plane lies on it.
     guard: f64,
     /// Whether `end` is such an end as well.

@@ -1,20 +1,23 @@
-//! Triangles in f32: what the exact test need not see.
+//! Triangles in f32: what the exact test need not see, where only one bit is asked for.
 //!
 //! A leaf holds its corners in f32, half the memory of f64. The same watertight test in f32 with bounds of its error
 //! sorts triangles into those surely missed, those surely crossed between the ends, and the doubtful rest, which alone
 //! is decided by [`super::exact`].
 //!
-//! The bounds, in normalised coordinates, with u = 2⁻²⁴, the ray within M of the center and shears up to s: a sheared
-//! coordinate errs by at most E = 24 u M (s ≤ 1) or 64 u M (s ≤ 3), roundings of the input included. If the ray does
-//! cross a triangle whose box is e long, its sheared corners are at most (1 + s) e + E away, so an edge function errs
-//! by at most B = 10 E (e + E), or 20 E (e + E). An edge function beyond −B and another beyond +B prove a miss. For a
-//! crossing, all must be beyond 4 B on one side, with the first corner within (1.5 + s) e: then they err by less than
-//! 3 B, and their sum by less than three quarters. Depth is a mean of the corners' depths with those weights.
+//! The bounds, in normalised coordinates, with u = 2⁻²⁴: a sheared coordinate of a single ray, which begins in the box
+//! of the scene and whose shears are up to 1, errs by at most E = 20 u: roundings of the corners, the shear and the
+//! origin (2 u each), of the results (2 u and 4 u, u more without fused multiply-add), and what the exact test may err.
+//! In a packet, whose rays are within M of the center and have shears up to s = 3, E = 64 u M. If the ray does cross a
+//! triangle whose box is e long, its sheared corners are at most (1 + s) e + E away, so an edge function errs by at most
+//! B = 10 E (e + E), or 20 E (e + E). An edge function beyond −B and another beyond +B prove a miss. For a crossing, all
+//! must be beyond 4 B on one side, with the first corner within (1.5 + s) e: then they err by less than 3 B, and their
+//! sum by less than three quarters. Depth is a mean of the corners' depths with those weights.
 
 use super::build::{LEAF, WIDTH};
 use super::exact::Triangle;
 use super::lanes::{Lanes, RAYS, Vector};
 use super::node::{Frame, Local};
+use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 /// Greatest shear of a ray of a packet.
@@ -22,33 +25,33 @@ pub(super) const SHEAR: f64 = 3.0;
 const UNIT: f64 = 1.0 / 16_777_216.0;
 
 /// Up to [`LEAF`] triangles.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(super) struct Leaf {
     /// Corner, axis, triangle; NaN, which is never hit, where there is none.
     corners: [[[f32; LEAF]; 3]; 3],
     /// Surfaces.
     pub(super) id: [u32; LEAF],
-    /// The longest side of the triangles' boxes.
+    /// e, the longest side of the triangles' boxes.
     extent: f32,
-    /// The exact triangles of the leaf are `count` from here.
-    pub(super) first: u32,
+    /// B of single rays.
+    bound: f32,
     pub(super) count: u32,
+    _rest: [u32; 5],
 }
 
 impl Leaf {
-    pub(super) const EMPTY: Self =
-        Self { corners: [[[f32::NAN; LEAF]; 3]; 3], id: [u32::MAX; LEAF], extent: 0.0, first: 0, count: 0 };
+    pub(super) const EMPTY: Self = Self {
+        corners: [[[f32::NAN; LEAF]; 3]; 3],
+        id: [u32::MAX; LEAF],
+        extent: 0.0,
+        bound: 0.0,
+        count: 0,
+        _rest: [0; 5],
+    };
 
-    /// Puts in triangles, which are `first` and following of all.
-    pub(super) fn fill(&mut self, triangles: &[Triangle], first: u32, frame: Frame) {
-        self.first = first;
-        for triangle in triangles {
-            self.push(triangle, frame);
-        }
-    }
-
-    fn push(&mut self, triangle: &Triangle, frame: Frame) {
+    /// Puts in a triangle.
+    pub(super) fn push(&mut self, triangle: &Triangle, frame: Frame) {
         let lane = self.count as usize;
         let corners = triangle.corners.map(|corner| frame.to_local(corner).to_array().map(|x| x as f32));
         for axis in 0..3 {
@@ -62,12 +65,7 @@ impl Leaf {
         }
         self.id[lane] = triangle.id;
         self.count += 1;
-    }
-
-    /// Indices of its exact triangles.
-    #[inline(always)]
-    pub(super) fn range(&self) -> std::ops::Range<usize> {
-        self.first as usize..(self.first + self.count) as usize
+        self.bound = Errors::ALONE.bound(self.extent);
     }
 }
 
@@ -80,18 +78,7 @@ pub(super) struct Verdict {
     pub(super) doubtful: u32,
 }
 
-/// [`Verdict`], and for triangles surely crossed, where and from which side.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Located {
-    pub(super) verdict: Verdict,
-    /// The crossing lies between these lengths along the ray.
-    pub(super) from: [f32; LEAF],
-    pub(super) to: [f32; LEAF],
-    /// Where the front is seen, as bits.
-    pub(super) front: u32,
-}
-
-/// Bounds of the errors, and what depends on the rays only.
+/// Bounds of the errors that depend on the rays only.
 #[derive(Debug, Clone, Copy)]
 struct Errors {
     /// E.
@@ -100,103 +87,104 @@ struct Errors {
     edge: f32,
     /// The first corner's distance over e.
     first: f32,
-    /// The greatest guard.
-    guard: f32,
 }
 
 impl Errors {
+    /// Of a single ray.
+    const ALONE: Self = {
+        let corner = 20.0 * UNIT;
+        Self { corner: corner as f32, edge: (10.0 * corner) as f32, first: 2.5 }
+    };
+
+    /// Of the rays of a packet, within `reach` of the center.
     #[inline(always)]
-    fn new(reach: f64, guard: f64, shear: f64) -> Self {
-        let packet = shear > 1.0;
-        let corner = if packet { 64.0 } else { 24.0 } * UNIT * reach;
-        let edge = if packet { 20.0 } else { 10.0 } * corner;
-        let guard = guard * 1.000_001;
-        Self { corner: corner as f32, edge: edge as f32, first: (1.5 + shear) as f32, guard: guard as f32 }
+    fn of_packet(reach: f64) -> Self {
+        let corner = 64.0 * UNIT * reach;
+        Self { corner: corner as f32, edge: (20.0 * corner) as f32, first: (1.5 + SHEAR) as f32 }
+    }
+
+    /// B.
+    #[inline(always)]
+    fn bound(&self, extent: f32) -> f32 {
+        self.edge * (extent + self.corner)
     }
 }
 
-/// Corners relative to a ray, sheared, and the bounds for their leaf.
+/// Lengths that the judgement of a leaf depends on.
+#[derive(Debug, Clone, Copy)]
+struct Scale {
+    /// e.
+    extent: f32,
+    /// B.
+    bound: f32,
+    /// The greatest guard.
+    guard: f32,
+    errors: Errors,
+}
+
+/// Corners relative to a ray, sheared.
 struct Sheared<V> {
     x: [V; 3],
     y: [V; 3],
-    z: [V; 3],
 }
 
-/// What is known of lines that cross triangles or nearly do.
-struct Depths<V> {
-    /// Twice the area, signed.
-    sum: V,
-    /// The crossing's depth times that, and the bound of its error.
-    depth: V,
-    margin: V,
+/// Their edge functions.
+struct Edges<V> {
+    all: [V; 3],
+    least: V,
+    most: V,
+    /// The triangles that are not surely missed.
+    kept: u32,
 }
 
 impl<V> Sheared<V> {
-    /// Sorts triangles by their edge functions; `end` is how far the ray goes along z, in which direction it may.
+    /// Sorts triangles by their edge functions.
     #[inline(always)]
-    fn judge<const N: usize>(&self, end: V, extent: f32, errors: &Errors) -> Verdict
-    where
-        V: Vector<N>,
-    {
-        let (edges, least, most, kept) = self.edges(end, extent, errors);
-        if kept == 0 {
-            return Verdict { sure: 0, doubtful: 0 };
-        }
-        self.judge_depth(end, [least, most], edges, extent, errors, kept).0
-    }
-
-    /// Edge functions, the least and the greatest of each triangle's, and the triangles that are not surely missed.
-    #[inline(always)]
-    fn edges<const N: usize>(&self, end: V, extent: f32, errors: &Errors) -> ([V; 3], V, V, u32)
+    fn edges<const N: usize>(&self, bound: f32) -> Edges<V>
     where
         V: Vector<N>,
     {
         let (x, y) = (&self.x, &self.y);
-        let bound = errors.edge * (extent + errors.corner);
-        let edges = [
+        let all = [
             x[2].mul_sub(y[1], y[2].mul(x[1])),
             x[0].mul_sub(y[2], y[0].mul(x[2])),
             x[1].mul_sub(y[0], y[1].mul(x[0])),
         ];
-        let least = edges[0].min(edges[1]).min(edges[2]);
-        let most = edges[0].max(edges[1]).max(edges[2]);
-        let kept = end.like(-bound).at_most(least) | most.at_most(end.like(bound));
-        (edges, least, most, kept)
+        let least = all[0].min(all[1]).min(all[2]);
+        let most = all[0].max(all[1]).max(all[2]);
+        let kept = x[0].like(-bound).at_most(least) | most.at_most(x[0].like(bound));
+        Edges { all, least, most, kept }
     }
 
-    /// The second half, where lines cross or nearly.
+    /// The second half, where lines cross or nearly: `z` are the corners' depths, `end` how far the ray goes, in which
+    /// direction it may.
     #[inline(always)]
-    fn judge_depth<const N: usize>(
-        &self,
-        end: V,
-        [least, most]: [V; 2],
-        edges: [V; 3],
-        extent: f32,
-        errors: &Errors,
-        kept: u32,
-    ) -> (Verdict, Depths<V>)
+    fn judge<const N: usize>(&self, edges: &Edges<V>, z: [V; 3], end: V, scale: &Scale) -> Verdict
     where
         V: Vector<N>,
     {
-        let bound = errors.edge * (extent + errors.corner);
+        let (extent, bound, errors) = (scale.extent, scale.bound, &scale.errors);
         let first = self.x[0].abs().max(self.y[0].abs()).at_most(end.like(errors.first * extent));
-        let inside = (end.like(4.0 * bound).at_most(least) | most.at_most(end.like(-4.0 * bound))) & first;
+        let clear = end.like(4.0 * bound).at_most(edges.least) | edges.most.at_most(end.like(-4.0 * bound));
+        let inside = clear & first;
         let half = end.mul(end.like(0.5));
-        let sum = edges[0].add(edges[1]).add(edges[2]);
-        let depth = edges[0].mul(self.z[0]).add(edges[1].mul(self.z[1])).add(edges[2].mul(self.z[2]));
+        let [u, v, w] = edges.all;
+        let sum = u.add(v).add(w);
+        let depth = u.mul(z[0]).add(v.mul(z[1])).add(w.mul(z[2]));
         // The depth between 0 and the end, times the sum, is within half the end of half the end.
         let off = depth.sub(half.mul(sum)).abs();
         let reach = half.mul(sum).abs();
         let margin = sum.abs().mul(end.like(2.0 * errors.corner));
-        let margin = margin.add(end.like(extent * (24.0 * bound + 12.0 * extent * errors.guard)));
+        let margin = margin.add(end.like(extent * (24.0 * bound + 12.0 * extent * scale.guard)));
         let between = off.at_most(reach.sub(margin));
         let outside = reach.add(margin).at_most(off) & inside;
         // Where the weights are not known, depth is between those of the corners.
-        let (near, far) = (self.z[0].min(self.z[1]).min(self.z[2]), self.z[0].max(self.z[1]).max(self.z[2]));
+        let (near, far) = (z[0].min(z[1]).min(z[2]), z[0].max(z[1]).max(z[2]));
         let (tip, slack) = (half.abs().add(end.like(errors.corner)), end.like(0.0));
         let beyond = tip.at_most(near.sub(half)) | far.sub(half).at_most(slack.sub(tip));
-        let sure = kept & inside & between;
-        (Verdict { sure, doubtful: kept & !sure & !outside & !beyond }, Depths { sum, depth, margin })
+        let sure = edges.kept & inside & between;
+        let doubtful = edges.kept & !sure & !outside & !beyond;
+        Verdict { sure, doubtful }
     }
 }
 
@@ -204,13 +192,12 @@ impl<V> Sheared<V> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Probe {
     axes: [usize; 3],
+    /// Where the ray, sheared, is on the first two axes, and where it begins on the last.
     start: [f32; 3],
     shear: [f32; 2],
     /// Depth of the end.
     end: f32,
-    /// 1 or −1: the direction along the last axis.
-    forward: f32,
-    errors: Errors,
+    guard: f32,
 }
 
 impl Probe {
@@ -218,68 +205,43 @@ impl Probe {
     pub(super) fn new(ray: &Local, end: f64) -> Self {
         let ([i, j, k], d, o) = (ray.axes, ray.direction, ray.origin);
         let (d, o) = ([d[i], d[j], d[k]], [o[i], o[j], o[k]]);
+        let shear = [d[0] * d[2], d[1] * d[2]];
         Self {
             axes: ray.axes,
-            start: [o[0] as f32, o[1] as f32, o[2] as f32],
-            shear: [(d[0] * d[2]) as f32, (d[1] * d[2]) as f32],
+            start: [(o[0] - shear[0] * o[2]) as f32, (o[1] - shear[1] * o[2]) as f32, o[2] as f32],
+            shear: [shear[0] as f32, shear[1] as f32],
             end: (d[2] * ray.length_to(end)) as f32,
-            forward: d[2] as f32,
-            errors: Errors::new(ray.reach, ray.guard, 1.0),
+            guard: (ray.guard * 1.000_001) as f32,
         }
-    }
-
-    /// How far the ray goes.
-    #[inline(always)]
-    pub(super) fn length(&self) -> f32 {
-        self.forward * self.end
-    }
-
-    /// Shortens the ray to a length.
-    #[inline(always)]
-    pub(super) fn stop_at(&mut self, length: f32) {
-        self.end = self.forward * length;
     }
 
     /// A bit for each triangle.
     #[inline(always)]
     pub(super) fn judge<L: Lanes>(&self, lanes: L, leaf: &Leaf) -> Verdict {
-        self.sheared(lanes, leaf).judge(lanes.leaf_splat(self.end), leaf.extent, &self.errors)
-    }
-
-    /// As [`Self::judge`], and where those surely crossed are; `None` if none is met.
-    #[inline(always)]
-    pub(super) fn locate<L: Lanes>(&self, lanes: L, leaf: &Leaf) -> Option<Located> {
         let sheared = self.sheared(lanes, leaf);
-        let end = lanes.leaf_splat(self.end);
-        let (edges, least, most, kept) = sheared.edges(end, leaf.extent, &self.errors);
-        if kept == 0 {
-            return None;
+        let edges = sheared.edges(leaf.bound);
+        if edges.kept == 0 {
+            return Verdict { sure: 0, doubtful: 0 };
         }
-        let (verdict, depths) = sheared.judge_depth(end, [least, most], edges, leaf.extent, &self.errors, kept);
-        if verdict.sure | verdict.doubtful == 0 {
-            return None;
-        }
-        let forward = lanes.leaf_splat(self.forward);
-        let middle = depths.depth.mul(forward).div(depths.sum);
-        let error = depths.margin.div(depths.sum.abs());
-        let turned = lanes.leaf_splat(0.0).at_most(depths.sum.mul(forward));
-        Some(Located { verdict, from: middle.sub(error).to_array(), to: middle.add(error).to_array(), front: turned })
+        let (k, start) = (self.axes[2], lanes.leaf_splat(self.start[2]));
+        let [a, b, c] = &leaf.corners;
+        let z = [lanes.leaf(&a[k]).sub(start), lanes.leaf(&b[k]).sub(start), lanes.leaf(&c[k]).sub(start)];
+        let scale = Scale { extent: leaf.extent, bound: leaf.bound, guard: self.guard, errors: Errors::ALONE };
+        sheared.judge(&edges, z, lanes.leaf_splat(self.end), &scale)
     }
 
     /// The corners of a leaf's triangles relative to the ray.
     #[inline(always)]
     fn sheared<L: Lanes>(&self, lanes: L, leaf: &Leaf) -> Sheared<L::Leaf> {
         let [i, j, k] = self.axes;
-        let start = [lanes.leaf_splat(self.start[0]), lanes.leaf_splat(self.start[1]), lanes.leaf_splat(self.start[2])];
+        let start = [lanes.leaf_splat(self.start[0]), lanes.leaf_splat(self.start[1])];
         let shear = [lanes.leaf_splat(self.shear[0]), lanes.leaf_splat(self.shear[1])];
-        let zero = lanes.leaf_splat(0.0);
-        let mut sheared = Sheared { x: [zero; 3], y: [zero; 3], z: [zero; 3] };
+        let mut sheared = Sheared { x: [start[0]; 3], y: [start[1]; 3] };
         for corner in 0..3 {
             let rows = &leaf.corners[corner];
-            let z = lanes.leaf(&rows[k]).sub(start[2]);
-            sheared.x[corner] = shear[0].neg_mul_add(z, lanes.leaf(&rows[i]).sub(start[0]));
-            sheared.y[corner] = shear[1].neg_mul_add(z, lanes.leaf(&rows[j]).sub(start[1]));
-            sheared.z[corner] = z;
+            let z = lanes.leaf(&rows[k]);
+            sheared.x[corner] = shear[0].neg_mul_add(z, lanes.leaf(&rows[i])).sub(start[0]);
+            sheared.y[corner] = shear[1].neg_mul_add(z, lanes.leaf(&rows[j])).sub(start[1]);
         }
         sheared
     }
@@ -292,6 +254,7 @@ pub(super) struct Probes {
     start: [[f32; RAYS]; 3],
     shear: [[f32; RAYS]; 2],
     end: [f32; RAYS],
+    guard: f32,
     errors: Errors,
     /// The parameter, from 0 to 1, at a plane across an axis is plane · scale − shift, less or more by pad.
     scales: [[f32; RAYS]; 3],
@@ -302,13 +265,13 @@ pub(super) struct Probes {
 impl Probes {
     /// The rays that may meet a box, as bits.
     #[inline(always)]
-    pub(super) fn slabs<L: Lanes>(&self, lanes: L, rows: &[[f32; WIDTH]; 6], child: usize) -> u32 {
+    pub(super) fn slabs<L: Lanes>(&self, lanes: L, rows: &[[[f32; WIDTH]; 2]; 3], child: usize) -> u32 {
         let (mut enter, mut leave) = (lanes.rays_splat(0.0), lanes.rays_splat(1.000_002));
         for axis in 0..3 {
             let (scale, shift, pad) =
                 (lanes.rays(&self.scales[axis]), lanes.rays(&self.shifts[axis]), lanes.rays(&self.pads[axis]));
-            let lo = lanes.rays_splat(rows[axis][child]).mul_sub(scale, shift);
-            let hi = lanes.rays_splat(rows[axis + 3][child]).mul_sub(scale, shift);
+            let lo = lanes.rays_splat(rows[axis][0][child]).mul_sub(scale, shift);
+            let hi = lanes.rays_splat(rows[axis][1][child]).mul_sub(scale, shift);
             enter = lo.min(hi).sub(pad).max(enter);
             leave = lo.max(hi).add(pad).min(leave);
         }
@@ -326,12 +289,13 @@ impl Probes {
     ) -> Option<Self> {
         let [x, y, z] = directions;
         let axes = super::exact::axes(DVec3::new(x.iter().sum(), y.iter().sum(), z.iter().sum()));
-        let errors = Errors::new(reach, guard, SHEAR);
+        let errors = Errors::of_packet(reach);
         let mut probes = Self {
             axes,
             start: [[0.0; RAYS]; 3],
             shear: [[0.0; RAYS]; 2],
             end: [0.0; RAYS],
+            guard: (guard * 1.000_001) as f32,
             errors,
             scales: [[0.0; RAYS]; 3],
             shifts: [[0.0; RAYS]; 3],
@@ -379,15 +343,20 @@ impl Probes {
         let [i, j, k] = self.axes;
         let start = [lanes.rays(&self.start[0]), lanes.rays(&self.start[1]), lanes.rays(&self.start[2])];
         let shear = [lanes.rays(&self.shear[0]), lanes.rays(&self.shear[1])];
-        let zero = lanes.rays_splat(0.0);
-        let mut sheared = Sheared { x: [zero; 3], y: [zero; 3], z: [zero; 3] };
+        let (mut sheared, mut depths) = (Sheared { x: [start[0]; 3], y: [start[1]; 3] }, [start[2]; 3]);
         for corner in 0..3 {
             let rows = &leaf.corners[corner];
             let z = lanes.rays_splat(rows[k][triangle]).sub(start[2]);
             sheared.x[corner] = shear[0].neg_mul_add(z, lanes.rays_splat(rows[i][triangle]).sub(start[0]));
             sheared.y[corner] = shear[1].neg_mul_add(z, lanes.rays_splat(rows[j][triangle]).sub(start[1]));
-            sheared.z[corner] = z;
+            depths[corner] = z;
         }
-        sheared.judge(lanes.rays(&self.end), leaf.extent, &self.errors)
+        let (extent, bound) = (leaf.extent, self.errors.bound(leaf.extent));
+        let edges = sheared.edges(bound);
+        if edges.kept == 0 {
+            return Verdict { sure: 0, doubtful: 0 };
+        }
+        let scale = Scale { extent, bound, guard: self.guard, errors: self.errors };
+        sheared.judge(&edges, depths, lanes.rays(&self.end), &scale)
     }
 }

@@ -15,9 +15,10 @@
 //!   Such an end lies on that plane as far as f64 can tell. Measuring along the plane's normal instead of along the ray
 //!   keeps grazing rays from catching on coplanar neighbours.
 //! - **f32 only where it cannot decide.** The [`Bvh`] culls with f32 boxes that are rounded outward and tested
-//!   conservatively, in coordinates normalised to the scene. Its leaves hold f32 corners, and a test with bounds of its
-//!   error settles what is surely missed and surely crossed; the rest goes to the f64 test (`leaf`). So booleans and
-//!   hits are those of [`BruteForce`], bit for bit, with every [`InstructionSet`].
+//!   conservatively, in coordinates normalised to the scene. Whether a segment is blocked is asked of f32 corners first,
+//!   by a test with bounds of its error, which settles what is surely missed and surely crossed (`leaf`); the rest goes
+//!   to the f64 test. The first crossing of a ray is sought in f64 at once (`block`). So booleans and hits are those of
+//!   [`BruteForce`], bit for bit, with every [`InstructionSet`].
 //!
 //! A kernel is written once, over vectors (`lanes`) that are arrays, AVX2 or AVX-512 registers. Kernels hold no closures
 //! and no `map`: those are compiled for the lesser processor and are not inlined, which costs a factor of two.
@@ -32,10 +33,10 @@
 //! - deciding in single precision: it leaks at 1e-7 of the scene;
 //! - leaves in f64 only: 0.8 to 0.9 of Embree's speed on single any-hit rays, 0.2 on packets asked ray by ray;
 //! - the widest child first in any-hit queries: slower by an eighth than the narrowest first;
-//! - deciding in f64 at every leaf that a closest hit may be in: a sixth slower than at the end (`closest`). Together
-//!   with that, leaves sorted among the nodes cost a seventh more than leaves tested as soon as they are seen; now they
-//!   are sorted, and their memory is asked for when they are put on the stack;
-//! - two-megabyte pages, through glibc's tunables: 2 to 15 % at 1.5 million triangles, within the scatter;
+//! - first crossings by the f32 test too, decided in f64 at the end: a tenth slower than f64 at once, a quarter at 1.5
+//!   million triangles, since the ray then waits for a triangle that no cache holds;
+//! - two-megabyte pages through glibc's tunables: nothing. By maps of their own (`pages`), with memory asked for a step
+//!   ahead, they are kept: any-hit rays among 1.5 million triangles went from 0.64 to 0.84 of Embree's speed;
 //! - testing each ray of a packet against the boxes of inner nodes too: no gain over leaves only.
 
 #![cfg_attr(
@@ -49,6 +50,7 @@
 #![expect(clippy::needless_bitwise_bool, reason = "branches that cannot be guessed are avoided")]
 #![expect(clippy::inline_always, reason = "kernels must be inlined into functions compiled for their instruction set")]
 
+mod block;
 mod build;
 mod bvh;
 mod closest;
@@ -60,6 +62,7 @@ mod nearest;
 mod node;
 mod occluders;
 mod packet;
+mod pages;
 mod shaft;
 #[cfg(target_arch = "x86_64")]
 mod x86;

@@ -1,4 +1,4 @@
-use super::bvh::{Bvh, STACK, sink};
+use super::bvh::{Bvh, STACK};
 use super::exact::Triangle;
 use super::node::LEAF_BIT;
 use glam::DVec3;
@@ -54,7 +54,7 @@ impl Bvh {
 
     /// Replaces `best` by the nearest point of a leaf's triangles if that is nearer.
     fn nearer(&self, point: DVec3, leaf: usize, accept: &impl Fn(u32) -> bool, best: &mut Option<Nearest>) {
-        for &Triangle { corners, index: triangle, .. } in &self.triangles[self.leaves[leaf].range()] {
+        for Triangle { corners, index: triangle, .. } in self.blocks[leaf].triangles() {
             if !accept(triangle) {
                 continue;
             }
@@ -66,6 +66,16 @@ impl Bvh {
                 *best = Some(Nearest { point: at, triangle, distance, barycentric });
             }
         }
+    }
+}
+
+/// Puts the last entry where it belongs among the others, which run from the farthest to the nearest.
+#[inline(always)]
+fn sink(stack: &mut [(f32, u32)]) {
+    let mut k = stack.len() - 1;
+    while k > 0 && stack[k - 1].0 < stack[k].0 {
+        stack.swap(k - 1, k);
+        k -= 1;
     }
 }
 

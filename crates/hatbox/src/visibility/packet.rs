@@ -1,10 +1,10 @@
 //! Sixteen segments at once: those between two elements, which go nearly the same way.
 
 use super::bvh::{Bvh, STACK};
-use super::exact::{GUARD, Ray};
+use super::exact::GUARD;
 use super::lanes::{Lanes, RAYS};
 use super::leaf::{Leaf, Probes};
-use super::node::{FAR, LEAF_BIT, Slabs};
+use super::node::{FAR, Hull, LEAF_BIT, Node};
 use glam::DVec3;
 
 /// Segments between two elements.
@@ -17,7 +17,7 @@ pub(super) struct Segments<'a> {
 
 /// Their form for the tree.
 pub(super) struct Packet {
-    slabs: Slabs,
+    hull: Hull,
     probes: Probes,
     /// The segments that have two finite ends, as bits.
     present: u32,
@@ -63,8 +63,8 @@ impl Packet {
         }
         let guard = guard * (GUARD * f64::EPSILON) * bvh.frame.scale;
         let probes = Probes::new(&from, &moves, reach, guard)?;
-        let slabs = Slabs::around(first, second, reach);
-        Some(Self { slabs, probes, present: u32::MAX >> (32 - count) })
+        let hull = Hull::around(first, second, reach);
+        Some(Self { hull, probes, present: u32::MAX >> (32 - count) })
     }
 }
 
@@ -114,7 +114,7 @@ impl Bvh {
         while pending > 0 {
             pending -= 1;
             let node = &self.nodes[stack[pending] as usize];
-            let (mask, _) = node.slabs(lanes, &packet.slabs);
+            let mask = node.meets(lanes, &packet.hull);
             pending = self.push(lanes, node, mask, &mut stack, pending);
             let mut leaves = mask & node.leaves;
             while leaves != 0 {
@@ -123,7 +123,7 @@ impl Bvh {
                 if packet.probes.slabs(lanes, &node.rows, lane) & left == 0 {
                     continue;
                 }
-                let leaf = &self.leaves[(node.child[lane] ^ LEAF_BIT) as usize];
+                let leaf = (node.child[lane] ^ LEAF_BIT) as usize;
                 left &= !self.blocked_in(lanes, leaf, packet, segments, left);
                 if left == 0 {
                     return Some(packet.present);
@@ -133,10 +133,30 @@ impl Bvh {
         Some(left ^ packet.present)
     }
 
+    /// Asks for the memory of the children in `mask` and puts those that are nodes on the stack.
+    #[inline(always)]
+    fn push<L: Lanes>(&self, lanes: L, node: &Node, mask: u32, stack: &mut [u32; STACK], mut pending: usize) -> usize {
+        let mut leaves = mask & node.leaves;
+        while leaves != 0 {
+            let child = node.child[leaves.trailing_zeros() as usize];
+            leaves &= leaves - 1;
+            lanes.prefetch((&raw const self.leaves[(child ^ LEAF_BIT) as usize]).cast(), size_of::<Leaf>());
+        }
+        let mut inner = mask & !node.leaves;
+        while inner != 0 {
+            let child = node.child[inner.trailing_zeros() as usize];
+            inner &= inner - 1;
+            lanes.prefetch((&raw const self.nodes[child as usize]).cast(), size_of::<Node>());
+            stack[pending] = child;
+            pending += 1;
+        }
+        pending
+    }
+
     /// Those of the segments `left` that a leaf's triangles block.
     #[inline(always)]
-    fn blocked_in<L: Lanes>(&self, lanes: L, leaf: &Leaf, packet: &Packet, segments: &Segments, left: u32) -> u32 {
-        let mut blocked = 0;
+    fn blocked_in<L: Lanes>(&self, lanes: L, index: usize, packet: &Packet, segments: &Segments, left: u32) -> u32 {
+        let (leaf, mut blocked) = (&self.leaves[index], 0);
         for lane in 0..leaf.count as usize {
             if segments.skip.contains(&leaf.id[lane]) {
                 continue;
@@ -147,9 +167,8 @@ impl Bvh {
             while doubtful != 0 {
                 let k = doubtful.trailing_zeros() as usize;
                 doubtful &= doubtful - 1;
-                let triangle = &self.triangles[leaf.first as usize + lane];
-                let ray = Ray::segment(segments.from[k], segments.to[k]);
-                blocked |= u32::from(ray.is_some_and(|ray| ray.blocked_by(triangle, segments.skip))) << k;
+                let ends = [segments.from[k], segments.to[k]];
+                blocked |= u32::from(self.surely_blocks(index, lane, ends, segments.skip)) << k;
             }
         }
         blocked

@@ -307,8 +307,7 @@ impl Bvh {
                     pending += 1;
                     continue;
                 }
-                let leaf = &self.leaves[(child ^ LEAF_BIT) as usize];
-                for triangle in &self.triangles[leaf.range()] {
+                for triangle in self.blocks[(child ^ LEAF_BIT) as usize].triangles() {
                     if !take(triangle.index, triangle.id, &triangle.corners) {
                         return false;
                     }
