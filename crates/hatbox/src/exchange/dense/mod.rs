@@ -11,6 +11,7 @@ mod facts;
 mod views;
 
 pub use facts::RowFacts;
+pub(super) use views::Between;
 pub use views::{PointRow, Views};
 
 use super::{Exchange, ExchangeError, Geometry, Params, Statistics};

@@ -14,7 +14,7 @@ const MAX_CLIPPED: usize = 16;
 
 /// What may stand in a view.
 #[derive(Clone, Copy)]
-pub(super) enum Between<'a> {
+pub(in crate::exchange) enum Between<'a> {
     /// Nothing, by proof.
     Nothing,
     /// These polygons, and no others.
@@ -87,7 +87,7 @@ impl Views<'_> {
     }
 
     /// What of `inherited` may stand in a shaft, except the polygons of `skip`.
-    pub(super) fn narrowed<'b>(
+    pub(in crate::exchange) fn narrowed<'b>(
         &self,
         shaft: &Shaft,
         skip: [u32; 2],
@@ -111,7 +111,7 @@ impl Views<'_> {
     }
 
     /// Whether one of the candidates covers the whole view.
-    pub(super) fn is_hidden(&self, shaft: &Shaft, candidates: &[u32]) -> bool {
+    pub(in crate::exchange) fn is_hidden(&self, shaft: &Shaft, candidates: &[u32]) -> bool {
         candidates.iter().take(MAX_HIDERS).any(|&k| shaft.fully_blocked_by(self.occluders.polygon(k)))
     }
 
