@@ -13,9 +13,8 @@ use crate::quadrature::sequence::hash;
 use crate::radiosity::Options;
 use crate::scene::Scene;
 use std::collections::HashMap;
-use std::fmt::Write as _;
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom, Write as _};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -183,16 +182,22 @@ fn digest(seed: u64, bytes: &[u8]) -> u64 {
 
 /// A number for all that decides the result of a solve: the scene, the options, and the program's version.
 pub fn identity(scene: &Scene, options: &Options, more: &str) -> u64 {
-    let mut text = String::new();
-    // Writing to a String cannot fail.
-    let _ = write!(text, "{} {options:?} {more} {:?}", env!("CARGO_PKG_VERSION"), scene.materials);
+    let Options { basis, continuity, refinement, grading, tolerance, operator, solver, seed, memory, error_points } =
+        options;
+    let names = [env!("CARGO_PKG_VERSION"), basis.name, operator.name, more];
+    let numbers = (grading, tolerance, seed, memory, error_points);
+    let text = format!("{names:?} {numbers:?} {continuity:?} {refinement:?} {solver:?} {:?}", scene.materials);
     let mut sum = digest(0, text.as_bytes());
     for corner in scene.surfaces.iter().flat_map(|surface| surface.corners) {
         sum = corner.to_array().iter().fold(sum, |sum, x| hash(sum, x.to_bits()));
     }
-    for cell in &scene.mesh.cells {
+    for (index, cell) in scene.mesh.cells.iter().enumerate() {
         let numbers = cell.vertices.iter().chain([&cell.surface, &cell.material]);
         sum = numbers.fold(sum, |sum, &number| hash(sum, u64::from(number)));
+        // What textures show there decides which faces are lamps.
+        let site = scene.site(index, [1.0 / 3.0, 1.0 / 3.0]);
+        let exitances = (0..scene.bands).map(|band| scene.material(index).exitance.at(&site, band));
+        sum = exitances.fold(sum, |sum, exitance| hash(sum, exitance.to_bits()));
     }
     scene.mesh.vertices.iter().flat_map(glam::DVec3::to_array).fold(sum, |sum, x| hash(sum, x.to_bits()))
 }
