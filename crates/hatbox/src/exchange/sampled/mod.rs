@@ -238,6 +238,15 @@ impl Sampled {
         self.links.as_ref().map(|links| links.apply(&self.cells, x))
     }
 
+    /// S x as each half of the rays has it.
+    fn halves(&self, x: &MultiVector) -> [MultiVector; 2] {
+        [Take::FirstHalf, Take::SecondHalf].map(|take| {
+            let mut y = MultiVector::zeros(self.rows(), x.bands());
+            self.apply_with(x, &mut y, take);
+            y
+        })
+    }
+
     /// The relative error of the mean irradiance of cells, from the two halves of the rays, if every face of the input
     /// shines with a strength of its own between 0 and 2.
     fn measured_error(&self) -> f64 {
@@ -246,14 +255,15 @@ impl Sampled {
             let strength = (hash(0x6661_6365, u64::from(self.cells.surface(cell))) >> 11) as f64 * 2_f64.powi(-52);
             x.band_mut(0)[self.cells.range(cell)].fill(strength);
         }
-        let Some(spread) = self.spread(&x) else { return 0.0 };
-        let y = self.times(&x);
+        let [mut first, second] = self.halves(&x);
         let square = |v: &MultiVector| -> f64 {
             let of = |cell: usize| v.band(0)[self.cells.range(cell)].iter().sum::<f64>().powi(2);
             (0..self.cells.len()).map(|cell| of(cell) / self.cells.patch(cell).area()).sum()
         };
-        let (error, norm) = (square(&spread), square(&y));
-        if norm > 0.0 { (error / norm).sqrt() } else { 0.0 }
+        first.add_scaled(1.0, &second);
+        let norm = square(&first);
+        first.add_scaled(-2.0, &second);
+        if norm > 0.0 { (square(&first) / norm).sqrt() } else { 0.0 }
     }
 
     fn trace(&self, chunk: usize, keep: bool) -> Traced {
@@ -524,17 +534,12 @@ impl Exchange for Sampled {
     }
 
     fn spread(&self, x: &MultiVector) -> Option<MultiVector> {
-        let mut halves = [Take::FirstHalf, Take::SecondHalf].map(|take| {
-            let mut y = MultiVector::zeros(self.rows(), x.bands());
-            self.apply_with(x, &mut y, take);
-            y
-        });
-        let [first, second] = &mut halves;
-        first.add_scaled(-1.0, second);
+        let [mut first, second] = self.halves(x);
+        first.add_scaled(-1.0, &second);
         for entry in first.as_mut_slice() {
             *entry *= 0.5;
         }
-        Some(std::mem::replace(first, MultiVector::zeros(0, 1)))
+        Some(first)
     }
 
     fn irradiance(&self, cell: usize, at: [f64; 2], x: &MultiVector, seed: u64) -> Option<Vec<f64>> {
