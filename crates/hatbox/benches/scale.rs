@@ -82,8 +82,8 @@ fn run(name: &str, elements: usize, kind: &str, tolerance: f64) {
     let (noise, peak) = (system.operator_error(&solved.solution), peak_megabytes());
     let started = Instant::now();
     system.set_materials(scene.materials.iter().map(other).collect(), options.continuity).expect("the same cells");
-    let params = hatbox::solve::Params { tolerance: system.solver_tolerance(), ..Default::default() };
-    system.solve(system.best_solver(), &params, &Silent).expect("solved again");
+    let solver = system.best_solver();
+    system.solve(solver, &system.solver_params(solver), &Silent).expect("solved again");
     println!(
         "{name:<10} {kind:<12} {:>9} {:>9} {build:>7.1} {solve:>7.1} {:>7.1} {cpu:>7.1} {peak:>8.0} {:>8.0} {:>6.2} % {:>6.2} %",
         system.space.cells(),
