@@ -96,6 +96,12 @@ pub(crate) struct SolveArgs {
     /// (`dense`). Scene and solution come on top.
     #[arg(long, value_name = "BYTES", default_value = options::MEMORY, value_parser = options::size)]
     pub(crate) memory: u64,
+    /// Keep finished work in FILE, and go on from there if it exists: after a crash, an interrupt or a kill
+    ///
+    /// The result is the same, to the last bit. Rays are kept, which are most of the work of a large scene; the dense
+    /// operator's integrals are not. The file is removed when the outputs are written.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(crate) checkpoint: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) mesh: MeshArgs,
     /// How the equations are solved

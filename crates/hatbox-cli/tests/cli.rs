@@ -1,5 +1,7 @@
 //! The binary as its users meet it: what it prints, what it writes, how it ends.
 
+#[path = "cli/checkpoints.rs"]
+mod checkpoints;
 #[path = "cli/factors.rs"]
 mod factors;
 #[path = "cli/failures.rs"]

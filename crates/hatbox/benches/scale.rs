@@ -1,105 +1,109 @@
-//! Time, memory and error of the sampled operator against the number of elements, on scenes of `examples/generate`.
+//! Time, memory and estimated error against the number of elements, on scenes of `examples/generate`.
 //!
-//! `cargo bench -p hatbox --bench scale [-- MOST]`, MOST being the greatest number of elements (1 000 000). Each size is
-//! run in a process of its own, so that the memory is its own. The error is the relative L2 error of the irradiance
-//! against the dense operator on the same mesh, at the smallest size.
+//! `cargo bench -p hatbox --bench scale [-- MOST [KIND]]`: every scene at every size up to MOST (1 000 000) with that kind
+//! of operator (hierarchical). `… -- SCENE ELEMENTS KIND [TOLERANCE]` is one of them. Each is run in a process of its
+//! own, so that the memory is its own. `build` makes the operator, `solve` solves, `relight` solves again with other
+//! lamps and paints on the same operator; all in seconds. `noise` is the error of the operator from two halves of its
+//! rays, `estimate` the estimated error of the solution. How far operators are from the dense one is the bench `operators`.
 
-#[path = "../examples/generate/kinds/mod.rs"]
-mod kinds;
+mod measure;
 
 use hatbox::exchange;
-use hatbox::io::read_scene;
-use hatbox::linalg::{LinearOperator, MultiVector};
 use hatbox::mesh::Refinement;
 use hatbox::progress::Silent;
-use hatbox::radiosity::{Options, solve};
-use hatbox::scene::Scene;
+use hatbox::radiosity::{Options, System};
+use hatbox::scene::{Material, Quantity};
+use measure::{cpu_seconds, kinds, peak_megabytes, scene};
 use std::process::Command;
 use std::time::Instant;
 
-/// Where the dense operator is compared with.
-const SMALL: usize = 5_000;
+/// Sizes of each scene.
+const SIZES: [usize; 4] = [10_000, 100_000, 1_000_000, 10_000_000];
 /// Faces of the file for so many elements: the terrain is all detail, the others are subdivided.
 const SUBDIVIDED: usize = 20;
+/// Tolerance of the operator.
+const TOLERANCE: f64 = 0.01;
+/// Points at which the error is estimated.
+const POINTS: usize = 256;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
+    let number = |text: &String| text.parse::<f64>().expect("a number");
     match &arguments[..] {
-        [kind, elements] => run(kind, elements.parse().expect("a number")),
-        rest => all(rest.first().map_or(1_000_000, |most| most.parse().expect("a number"))),
+        [scene, elements, kind, rest @ ..] if kinds::ALL.iter().any(|known| known.name == scene) => {
+            run(scene, number(elements) as usize, kind, rest.first().map_or(TOLERANCE, number));
+        }
+        rest => {
+            let most = rest.first().map_or(1_000_000, |most| number(most) as usize);
+            all(most, rest.get(1).map_or(exchange::Hierarchical::NAME, String::as_str));
+        }
     }
 }
 
-/// Every kind at every size, each in a process of its own, and the exponents between 10⁴ and the greatest size.
-fn all(most: usize) {
-    println!("scene      elements  triangles  seconds   CPU s     peak MB    error  estimate");
-    for kind in kinds::ALL {
+/// Every scene at every size, each in a process of its own, and the exponents between the least and the greatest size.
+fn all(most: usize, kind: &str) {
+    println!(
+        "scene      kind          elements triangles   build   solve relight   CPU s  peak MB operator   noise  estimate"
+    );
+    for scene in kinds::ALL {
         let mut measured: Vec<[f64; 3]> = Vec::new();
-        for elements in [SMALL, 10_000, 100_000, 1_000_000, 10_000_000].into_iter().filter(|&n| n <= most) {
+        for elements in SIZES.into_iter().filter(|&n| n <= most) {
             let program = std::env::current_exe().expect("this program");
-            let output = Command::new(program).args([kind.name, &elements.to_string()]).output().expect("run");
+            let output = Command::new(program).args([scene.name, &elements.to_string(), kind]).output().expect("run");
             let line = String::from_utf8_lossy(&output.stdout);
             print!("{line}");
             let numbers: Vec<f64> = line.split_whitespace().filter_map(|word| word.parse().ok()).collect();
-            if let &[n, _, _, cpu, peak, ..] = &numbers[..] {
+            if let &[n, _, _, _, _, cpu, peak, ..] = &numbers[..] {
                 measured.push([n, cpu, peak]);
             }
         }
-        if let (Some(from), Some(to)) = (measured.get(1), measured.last()) {
+        if let (Some(from), Some(to)) = (measured.first(), measured.last()) {
             let exponent = |k: usize| (to[k] / from[k]).ln() / (to[0] / from[0]).ln();
-            println!("{:<10} exponents: time {:.2}, memory {:.2}", kind.name, exponent(1), exponent(2));
+            println!("{:<10} exponents: time {:.2}, memory {:.2}", scene.name, exponent(1), exponent(2));
         }
     }
 }
 
-fn run(name: &str, elements: usize) {
-    let kind = kinds::ALL.iter().find(|kind| kind.name == name).expect("a kind");
+fn run(name: &str, elements: usize, kind: &str, tolerance: f64) {
     let faces = if name == "terrain" { elements } else { (elements / SUBDIVIDED).clamp(500, 50_000) };
-    let scene = scene(kind, faces);
+    let scene = scene(name, faces);
     let options = Options {
-        operator: exchange::kind(exchange::Sampled::NAME).expect("a kind"),
+        operator: exchange::kind(kind).expect("a kind"),
         refinement: Refinement::Elements(elements),
-        error_points: 256,
+        error_points: POINTS,
+        tolerance,
         ..Options::default()
     };
-    let (started, cpu) = (Instant::now(), status("utime"));
-    let solved = solve(&scene, &options, &Silent).expect("solved");
-    let (seconds, cpu) = (started.elapsed().as_secs_f64(), status("utime") - cpu);
-    let peak = status("VmHWM");
-    let error = if elements <= SMALL {
-        let dense = Options { operator: exchange::kind("dense").expect("a kind"), error_points: 0, ..options };
-        let dense = solve(&scene, &dense, &Silent).expect("solved").solution;
-        let mass = hatbox::assemble::mass(&dense.scene, &dense.space);
-        let mut difference = solved.solution.irradiance.clone();
-        difference.add_scaled(-1.0, &dense.irradiance);
-        let square = |x: &MultiVector| x.dot(&mass.times(x)).iter().sum::<f64>();
-        format!("{:.2} %", 100.0 * (square(&difference) / square(&dense.irradiance)).sqrt())
-    } else {
-        "-".to_owned()
-    };
-    let cells = solved.solution.space.cells();
-    let estimate = solved.error.map_or(0.0, |error| 100.0 * error.relative);
+    let (started, cpu) = (Instant::now(), cpu_seconds());
+    let mut system = System::build(&scene, &options, &Silent).expect("built");
+    let build = started.elapsed().as_secs_f64();
+    let solved = system.solved(&options, &Silent).expect("solved");
+    let (solve, cpu) = (started.elapsed().as_secs_f64() - build, cpu_seconds() - cpu);
+    let (noise, peak) = (system.operator_error(&solved.solution), peak_megabytes());
+    let started = Instant::now();
+    system.set_materials(scene.materials.iter().map(other).collect(), options.continuity).expect("the same cells");
+    let solver = system.best_solver();
+    system.solve(solver, &system.solver_params(solver), &Silent).expect("solved again");
     println!(
-        "{name:<10} {cells:>8} {:>9} {seconds:>9.2} {cpu:>8.2} {peak:>10.0} {error:>9} {estimate:>7.2} %",
-        scene.surfaces.len()
+        "{name:<10} {kind:<12} {:>9} {:>9} {build:>7.1} {solve:>7.1} {:>7.1} {cpu:>7.1} {peak:>8.0} {:>8.0} {:>6.2} % {:>6.2} %",
+        system.space.cells(),
+        scene.surfaces.len(),
+        started.elapsed().as_secs_f64(),
+        solved.operator.bytes as f64 / 1e6,
+        100.0 * noise,
+        solved.error.map_or(0.0, |error| 100.0 * error.relative),
     );
 }
 
-fn scene(kind: &kinds::Kind, faces: usize) -> Scene {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("scene.glb");
-    std::fs::write(&path, (kind.make)(faces).to_glb()).expect("written");
-    read_scene(&path).expect("a scene").0
-}
-
-/// Seconds of CPU time, or megabytes of memory at the most, as Linux tells; 0 elsewhere.
-fn status(what: &str) -> f64 {
-    if what == "utime" {
-        let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-        let fields: Vec<f64> = text.split_whitespace().map(|word| word.parse().unwrap_or(0.0)).collect();
-        return fields.get(13).zip(fields.get(14)).map_or(0.0, |(user, system)| (user + system) / 100.0);
+/// Another light and another paint.
+fn other(material: &Material) -> Material {
+    let scaled = |quantity: &Quantity, factor: f64| match quantity.uniform(0) {
+        Some(value) => Quantity::gray(factor * value),
+        None => quantity.clone(),
+    };
+    Material {
+        reflectance: scaled(&material.reflectance, 0.9),
+        exitance: scaled(&material.exitance, 2.0),
+        ..material.clone()
     }
-    let text = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = text.lines().find(|line| line.starts_with(what)).unwrap_or_default();
-    line.split_whitespace().nth(1).and_then(|kb| kb.parse::<f64>().ok()).unwrap_or(0.0) / 1000.0
 }

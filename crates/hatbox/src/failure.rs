@@ -6,6 +6,7 @@
 use crate::adapt::NothingInFocus;
 use crate::exchange::ExchangeError;
 use crate::io::atomic::AtomicError;
+use crate::io::checkpoint::CheckpointError;
 use crate::io::npz::LoadError;
 use crate::io::{ReadError, WriteError};
 use crate::progress::Interrupted;
@@ -103,6 +104,18 @@ impl From<WriteError> for Failure {
 impl From<AtomicError> for Failure {
     fn from(error: AtomicError) -> Self {
         WriteError::File(error).into()
+    }
+}
+
+impl From<CheckpointError> for Failure {
+    fn from(error: CheckpointError) -> Self {
+        match error {
+            CheckpointError::File(error) => error.into(),
+            CheckpointError::Other { .. } => Self::with_help(
+                error.to_string(),
+                "give the scene and the options that it was begun with, or another file; remove it to begin anew",
+            ),
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! How long work reports where it is and learns that it should stop.
+//! How long work reports where it is, learns that it should stop, and goes on where it was stopped.
 //!
 //! The library prints nothing; whoever runs it passes a [`Progress`] and draws what it likes.
 
@@ -18,6 +18,40 @@ pub trait Progress: Sync {
     /// Whether the work should stop as soon as it can.
     fn interrupted(&self) -> bool {
         false
+    }
+    /// What an earlier run of the same work kept of a step of the stage that has begun.
+    fn recall(&self, _step: u64) -> Option<Vec<u8>> {
+        None
+    }
+    /// A step of the stage is done, and this is what it has found: whoever can, keeps it for another run.
+    fn keep(&self, _step: u64, _bytes: &[u8]) {}
+    /// Whether [`keep`](Self::keep) does anything.
+    fn keeps(&self) -> bool {
+        false
+    }
+}
+
+impl<P: Progress + ?Sized> Progress for &P {
+    fn begin(&self, stage: &'static str, total: u64) {
+        (**self).begin(stage, total);
+    }
+    fn advance(&self, steps: u64) {
+        (**self).advance(steps);
+    }
+    fn end(&self) {
+        (**self).end();
+    }
+    fn interrupted(&self) -> bool {
+        (**self).interrupted()
+    }
+    fn recall(&self, step: u64) -> Option<Vec<u8>> {
+        (**self).recall(step)
+    }
+    fn keep(&self, step: u64, bytes: &[u8]) {
+        (**self).keep(step, bytes);
+    }
+    fn keeps(&self) -> bool {
+        (**self).keeps()
     }
 }
 

@@ -7,11 +7,14 @@ use crate::progress::Bars;
 use crate::style::Style;
 use crate::{options, output, summary};
 use hatbox::adapt;
+use hatbox::io::checkpoint::{Checkpoint, identity};
 use hatbox::io::{self, WriteOptions};
+use hatbox::progress::Progress;
 use hatbox::radiosity::{self, Solution, gathered, solve};
 use hatbox::report::Report;
+use hatbox::scene::Scene;
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// What `--json` prints.
@@ -42,21 +45,26 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
     output::warn(&warnings);
     // 3. The light in it.
     let bars = Bars::new(talk.shows_progress());
+    let checkpoint = args.checkpoint.as_deref().map(|path| checkpoint(path, &scene, args, &bars)).transpose()?;
+    let progress: &dyn Progress = checkpoint.as_ref().map_or(&bars, |checkpoint| checkpoint);
     let failure = |error: radiosity::Error| Failure::from(error).in_file(&args.scene.path);
     let (solution, report) = if let Some(options) = options::adaptive(args) {
         options.check_focus(&scene)?;
-        let adapted = adapt::solve(&scene, &options, &bars).map_err(failure)?;
+        let adapted = adapt::solve(&scene, &options, progress).map_err(failure)?;
         let report = Report::adapted(&scene, &options, &adapted);
         (adapted.solved.solution, report)
     } else {
-        let solved = solve(&scene, &options::solve(args), &bars).map_err(failure)?;
+        let solved = solve(&scene, &options::solve(args), progress).map_err(failure)?;
         let report = Report::new(&scene, &solved);
         (solved.solution, report)
     };
-    let solution = if args.gather { gathered(&solution, args.run.seed, &bars)? } else { solution };
+    let solution = if args.gather { gathered(&solution, args.run.seed, progress)? } else { solution };
     // 4. The files.
     let shown = options::shown(solution, &args.view);
     let outputs = write(&shown, &args.output, &options::write(&args.view, scene.camera, &bars))?;
+    if let Some(checkpoint) = checkpoint {
+        checkpoint.remove();
+    }
     // 5. The summary.
     let seconds = started.elapsed().as_secs_f64();
     let done = Done { report, seconds, peak_bytes: output::peak_bytes(), outputs, warnings };
@@ -65,6 +73,17 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
         Talk::Summary => output::print(&summary::solve(&args.scene.path, &done, Style::stdout())),
         Talk::Quiet => Ok(()),
     }
+}
+
+/// The file of finished work.
+fn checkpoint<'a>(
+    path: &Path,
+    scene: &Scene,
+    args: &SolveArgs,
+    bars: &'a Bars,
+) -> Result<Checkpoint<&'a Bars>, Failure> {
+    let rest = format!("{:?} {} {:?}", args.max_unknowns, args.tolerance, args.focus);
+    Ok(Checkpoint::open(path, identity(scene, &options::solve(args), &rest), bars)?)
 }
 
 /// Writes a solution to every file.

@@ -8,6 +8,7 @@
 mod choice;
 mod closure;
 mod dense;
+mod hierarchical;
 mod norm;
 mod sampled;
 mod tree;
@@ -15,6 +16,7 @@ mod tree;
 pub use choice::{AUTO, choose};
 pub use closure::{Balanced, Closure, escape, escapes};
 pub use dense::{Dense, PointRow, RowFacts, Views};
+pub use hierarchical::Hierarchical;
 pub use norm::norm;
 pub use sampled::Sampled;
 
@@ -39,7 +41,8 @@ pub struct Statistics {
     pub clear_pairs: u64,
     /// Estimated relative error of the worst row's sum from quadrature.
     pub quadrature_error: f64,
-    /// Estimated relative error of the worst row's sum from sampled visibility.
+    /// Estimated relative error of the worst row's sum from sampled visibility. Where all rows are sampled and their sums
+    /// are exact, that of the irradiance if every face shines with a strength of its own, as two halves of the rays have it.
     pub visibility_error: f64,
 }
 
@@ -198,6 +201,11 @@ pub const ALL: &[Kind] = &[
         name: Dense::NAME,
         summary: "all pairs, stored; the reference, up to about 20 000 unknowns",
         build: |geometry, params, progress| Ok(Box::new(Dense::new(geometry, params, progress)?)),
+    },
+    Kind {
+        name: Hierarchical::NAME,
+        summary: "links between clusters that see each other, rays for the rest; time and memory grow like the elements",
+        build: |geometry, params, progress| Ok(Box::new(Sampled::linked(geometry, params, progress)?)),
     },
     Kind {
         name: Sampled::NAME,

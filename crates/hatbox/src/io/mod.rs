@@ -1,6 +1,7 @@
 //! Files: what is read and what is written. Nothing above this module knows of a format.
 
 pub mod atomic;
+pub mod checkpoint;
 pub mod csv;
 pub mod factors;
 pub mod npy;

@@ -23,6 +23,43 @@ pub fn hash(seed: u64, counter: u64) -> u64 {
     z ^ (z >> 31)
 }
 
+/// A net of nets: block b of 2^m points is a net by itself, and so is any aligned run of 2^k blocks together. The first two
+/// dimensions, which fill every elementary interval, differ from block to block; the last two are those of block 0 in all
+/// of them.
+///
+/// Unlike [`point`], the order within a block is not shuffled, so that the two halves of the dimensions stay in step.
+#[derive(Debug)]
+pub struct Blocks {
+    /// The unscrambled first two dimensions of block 0.
+    start: Vec<[u32; 2]>,
+    seeds: [u32; 4],
+}
+
+impl Blocks {
+    /// Blocks of so many points, a power of two.
+    pub fn new(seed: u64, size: u32) -> Self {
+        let start = (0..size).map(|k| [sobol(k, 0), sobol(k, 1)]).collect();
+        Self { start, seeds: [1, 2, 3, 4].map(|k| hash(seed, k) as u32) }
+    }
+
+    /// The last two dimensions of point `index` of every block.
+    pub fn last(&self, index: u32) -> [f64; 2] {
+        [2, 3].map(|k| fraction(scramble(sobol(index, k), self.seeds[k])))
+    }
+
+    /// The first two dimensions of the points of a block.
+    pub fn first(&self, block: u32) -> impl Iterator<Item = [f64; 2]> + '_ {
+        let index = block.wrapping_mul(self.start.len() as u32);
+        let shift = [sobol(index, 0), sobol(index, 1)];
+        self.start.iter().map(move |d| [0, 1].map(|k| fraction(scramble(d[k] ^ shift[k], self.seeds[k]))))
+    }
+}
+
+/// The middle of the interval that a fixed-point fraction stands for.
+fn fraction(bits: u32) -> f64 {
+    (f64::from(bits) + 0.5) * 2f64.powi(-32)
+}
+
 /// The Sobol' number as a 32-bit fixed-point fraction: the exclusive or of the direction numbers of the index's bits, a
 /// byte at a time.
 fn sobol(index: u32, dimension: usize) -> u32 {
@@ -103,6 +140,23 @@ mod tests {
                 let mut cells: Vec<_> = points.iter().map(cell).collect();
                 cells.sort_unstable();
                 assert_eq!(cells, (0..64).collect::<Vec<_>>(), "split {split}");
+            }
+        }
+    }
+
+    /// Blocks by themselves and together fill every elementary interval of the first two dimensions.
+    #[test]
+    fn blocks_are_nets_alone_and_together() {
+        let blocks = Blocks::new(3, 16);
+        for run in [0..1, 5..6, 4..8, 8..16] {
+            let points: Vec<_> = run.flat_map(|block| blocks.first(block).collect::<Vec<_>>()).collect();
+            let bits = points.len().ilog2();
+            for split in 0..=bits {
+                let (nx, ny) = (1usize << split, 1usize << (bits - split));
+                let cell = |p: &[f64; 2]| (p[0] * nx as f64) as usize * ny + (p[1] * ny as f64) as usize;
+                let mut cells: Vec<_> = points.iter().map(cell).collect();
+                cells.sort_unstable();
+                assert_eq!(cells, (0..points.len()).collect::<Vec<_>>(), "{} points, split {split}", points.len());
             }
         }
     }

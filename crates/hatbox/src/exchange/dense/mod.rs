@@ -12,6 +12,7 @@ mod sums;
 mod views;
 
 pub use facts::RowFacts;
+pub(super) use views::Between;
 pub use views::{PointRow, Views};
 
 use super::{Exchange, ExchangeError, Geometry, Params, Statistics};

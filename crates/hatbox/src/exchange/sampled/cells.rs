@@ -6,10 +6,11 @@ use crate::mesh::{Mesh, Patch};
 use crate::scene::{Scene, Surface};
 use crate::space::FunctionSpace;
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 /// Corners, surfaces and elements of the cells.
 #[derive(Debug)]
-pub(super) struct Cells {
+pub(in crate::exchange) struct Cells {
     vertices: Vec<DVec3>,
     corners: Vec<[u32; 4]>,
     surfaces: Vec<u32>,
@@ -19,7 +20,7 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    pub(super) fn new(mesh: &Mesh, space: &FunctionSpace) -> Self {
+    pub(in crate::exchange) fn new(mesh: &Mesh, space: &FunctionSpace) -> Self {
         Self {
             vertices: mesh.vertices.clone(),
             corners: mesh.cells.iter().map(|cell| cell.vertices).collect(),
@@ -29,34 +30,71 @@ impl Cells {
         }
     }
 
-    pub(super) fn len(&self) -> usize {
+    pub(in crate::exchange) fn len(&self) -> usize {
         self.corners.len()
     }
 
-    pub(super) fn unknowns(&self) -> usize {
+    pub(in crate::exchange) fn unknowns(&self) -> usize {
         self.offsets[self.len()] as usize
     }
 
-    pub(super) fn patch(&self, cell: usize) -> Patch {
+    pub(in crate::exchange) fn patch(&self, cell: usize) -> Patch {
         Patch::new(self.elements[cell].shape, self.corners[cell].map(|vertex| self.vertices[vertex as usize]))
     }
 
-    pub(super) fn surface(&self, cell: usize) -> u32 {
+    pub(in crate::exchange) fn surface(&self, cell: usize) -> u32 {
         self.surfaces[cell]
     }
 
-    pub(super) fn element(&self, cell: usize) -> &'static Element {
+    pub(in crate::exchange) fn element(&self, cell: usize) -> &'static Element {
         self.elements[cell]
     }
 
     /// The coefficients of a cell.
-    pub(super) fn range(&self, cell: usize) -> std::ops::Range<usize> {
+    pub(in crate::exchange) fn range(&self, cell: usize) -> std::ops::Range<usize> {
         self.offsets[cell] as usize..self.offsets[cell + 1] as usize
     }
 
-    pub(super) fn bytes(&self) -> usize {
+    /// The place of each cell in an order along a curve that fills space: cells that follow each other are neighbours.
+    pub(in crate::exchange) fn order(&self) -> Vec<u32> {
+        let lo = self.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let hi = self.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let scale = f64::from(1 << 20) / (hi - lo).max_element().max(f64::MIN_POSITIVE);
+        let key = |cell: u32| {
+            let patch = self.patch(cell as usize);
+            let n = patch.normal();
+            let axis = (0..3).max_by(|&a, &b| n[a].abs().total_cmp(&n[b].abs())).unwrap_or(0);
+            let side = 2 * axis as u64 + u64::from(n[axis] > 0.0);
+            let at = (patch.center() - lo) * scale;
+            side << 60 | spread(at.x) | spread(at.y) << 1 | spread(at.z) << 2
+        };
+        let mut order: Vec<(u64, u32)> = (0..self.len() as u32).into_par_iter().map(|cell| (key(cell), cell)).collect();
+        order.par_sort_unstable();
+        let mut place = vec![0; self.len()];
+        for (k, &(_, cell)) in order.iter().enumerate() {
+            place[cell as usize] = k as u32;
+        }
+        place
+    }
+
+    pub(in crate::exchange) fn bytes(&self) -> usize {
         size_of_val(&*self.vertices) + self.len() * (size_of::<[u32; 4]>() + 8 + size_of::<&Element>())
     }
+}
+
+/// The lower 20 bits, each followed by two zeros.
+fn spread(x: f64) -> u64 {
+    let mut x = (x.max(0.0) as u64).min((1 << 20) - 1);
+    for (shift, mask) in [
+        (32, 0x001f_0000_0000_ffff),
+        (16, 0x001f_0000_ff00_00ff),
+        (8, 0x100f_00f0_0f00_f00f),
+        (4, 0x10c3_0c30_c30c_30c3),
+        (2, 0x1249_2492_4924_9249),
+    ] {
+        x = (x | x << shift) & mask;
+    }
+    x
 }
 
 /// Coefficients with the bands of each side by side: what a ray reads lies in one or two lines of the cache.

@@ -51,7 +51,7 @@ pub(super) struct Lamps {
 }
 
 /// What a cell gets from one lamp of exitance 1: coefficients of its irradiance.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Entry {
     pub(super) lamp: u32,
     pub(super) values: [f32; MAX_DOFS],

@@ -1,20 +1,23 @@
 //! Rays: where they start, which way they go, and what is kept of what they hit.
 //!
-//! Every cell uses the same K = 2^m points, the first two dimensions of a scrambled Sobol' set, so what depends on them
-//! alone (shape functions, the fit) is a table. The directions are the other two dimensions, shifted digitally by a hash
-//! of the cell: each cell keeps a four-dimensional net, and the errors of different cells are independent. Nothing is
-//! drawn in sequence, so a ray can be cast again at any time instead of being remembered.
+//! Every cell uses the same K = 2^m points, two dimensions of a scrambled Sobol' set, so what depends on them alone (shape
+//! functions, the fit) is a table. The directions are the other two dimensions, those that fill every elementary
+//! interval: the k-th cell along a curve through space takes the k-th block of K. So each cell has a net, and so have
+//! neighbours together ([`Blocks`]). Nothing is drawn in sequence, so a ray can be cast again at any time instead of being
+//! remembered.
 
 use super::cells::{Cells, Locator};
 use crate::element::{Element, MAX_DOFS, Shape};
+use crate::exchange::hierarchical::Linked;
 use crate::mesh::Patch;
-use crate::quadrature::sequence::{hash, point};
+use crate::quadrature::sequence::Blocks;
 use crate::visibility::Bvh;
 use glam::DVec3;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Where a ray ended, in 8 bytes: the cell, its reference coordinates to 1/65536, and whether the cell is a lamp's.
+/// Where a ray ended, in 8 bytes: the cell, its reference coordinates to 1/65536, and whether the cell is a lamp's, or one
+/// whose light comes through a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Hit {
     cell: u32,
@@ -22,6 +25,7 @@ pub(super) struct Hit {
 }
 
 const LAMP: u32 = 1 << 31;
+const LINKED: u32 = 1 << 30;
 
 impl Hit {
     /// Out of the scene, or onto an unlit back.
@@ -32,6 +36,16 @@ impl Hit {
         Self { cell: if lamp { cell | LAMP } else { cell }, at }
     }
 
+    pub(super) fn to_bytes(self) -> [u8; 8] {
+        let [u, v] = self.at.map(u64::from);
+        (u64::from(self.cell) | u << 32 | v << 48).to_le_bytes()
+    }
+
+    pub(super) fn from_bytes(bytes: [u8; 8]) -> Self {
+        let number = u64::from_le_bytes(bytes);
+        Self { cell: number as u32, at: [(number >> 32) as u16, (number >> 48) as u16] }
+    }
+
     pub(super) fn is_lost(self) -> bool {
         self.cell == u32::MAX
     }
@@ -40,8 +54,13 @@ impl Hit {
         self.cell & LAMP != 0 && !self.is_lost()
     }
 
+    /// Whether a link brings the light that the ray would.
+    pub(super) fn is_linked(self) -> bool {
+        self.cell & LINKED != 0 && !self.is_lost()
+    }
+
     pub(super) fn cell(self) -> usize {
-        (self.cell & !LAMP) as usize
+        (self.cell & !(LAMP | LINKED)) as usize
     }
 
     pub(super) fn at(self) -> [f64; 2] {
@@ -58,14 +77,15 @@ pub(super) struct Points {
 
 impl Points {
     pub(super) fn new(element: &Element, rays: u32, seed: u64) -> Self {
-        let at: Vec<[f64; 2]> = (0..rays).map(|ray| place(element.shape, point(seed, ray))).collect();
+        let blocks = Blocks::new(seed, rays);
+        let at: Vec<[f64; 2]> = (0..rays).map(|ray| place(element.shape, blocks.last(ray))).collect();
         let functions = at.iter().map(|&at| element.values(at)).collect();
         Self { at, functions }
     }
 }
 
 /// Reference coordinates, uniform in the reference cell.
-pub(super) fn place(shape: Shape, [u, v, ..]: [f64; 4]) -> [f64; 2] {
+pub(super) fn place(shape: Shape, [u, v]: [f64; 2]) -> [f64; 2] {
     match shape {
         // Lines from a corner: the square root makes the density uniform, and neighbours stay neighbours.
         Shape::Triangle => {
@@ -83,9 +103,10 @@ pub(super) struct Tracer {
     pub(super) locator: Locator,
     /// One bit for each cell of a lamp.
     lamps: Vec<u64>,
-    /// Directions as 32-bit fractions, one for each ray.
-    directions: Vec<[u32; 2]>,
-    seed: u64,
+    /// The points of all cells.
+    blocks: Blocks,
+    /// The block of each cell.
+    block: Vec<u32>,
 }
 
 impl Tracer {
@@ -93,32 +114,30 @@ impl Tracer {
         blockers: Arc<Bvh>,
         locator: Locator,
         lamp: impl Fn(usize) -> bool,
-        cells: usize,
+        block: Vec<u32>,
         rays: u32,
         seed: u64,
     ) -> Self {
-        let mut lamps = vec![0; cells.div_ceil(64)];
-        for cell in (0..cells).filter(|&cell| lamp(cell)) {
+        let mut lamps = vec![0; block.len().div_ceil(64)];
+        for cell in (0..block.len()).filter(|&cell| lamp(cell)) {
             lamps[cell / 64] |= 1 << (cell % 64);
         }
-        let bits = |x: f64| (x * 2_f64.powi(32)) as u32;
-        let directions = (0..rays).map(|ray| point(seed, ray)).map(|[_, _, s, t]| [bits(s), bits(t)]).collect();
-        Self { blockers, locator, lamps, directions, seed }
+        Self { blockers, locator, lamps, blocks: Blocks::new(seed, rays), block }
     }
 
     pub(super) fn is_lamp(&self, cell: usize) -> bool {
         self.lamps[cell / 64] >> (cell % 64) & 1 == 1
     }
 
-    /// Casts all rays of a cell from the given points.
-    pub(super) fn trace(&self, cells: &Cells, cell: usize, points: &Points, hits: &mut [Hit]) {
+    /// Casts all rays of a cell from the given points; `linked` is what it is linked with.
+    pub(super) fn trace(&self, cells: &Cells, cell: usize, points: &Points, linked: Linked<'_>, hits: &mut [Hit]) {
         let patch = cells.patch(cell);
         let frame = Frame::new(&patch);
-        let shift = hash(self.seed ^ 0x7368_6966_7473, cell as u64);
-        let shift = [shift as u32, (shift >> 32) as u32];
-        for ((hit, &at), direction) in hits.iter_mut().zip(&points.at).zip(&self.directions) {
-            let [s, t] = [0, 1].map(|k| (f64::from(direction[k] ^ shift[k]) + 0.5) * 2_f64.powi(-32));
+        for ((hit, &at), [s, t]) in hits.iter_mut().zip(&points.at).zip(self.blocks.first(self.block[cell])) {
             *hit = self.cast(cells, patch.point(at), frame.cosine(s, t), cells.surface(cell));
+            if !hit.is_lost() && linked.contains(hit.cell()) {
+                hit.cell |= LINKED;
+            }
         }
     }
 

@@ -1,0 +1,43 @@
+//! Work that is killed and goes on.
+
+use crate::failures::fail;
+use crate::{CUBE, Folder, hatbox, sample, succeed};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+fn solve(output: &Path) -> Command {
+    let mut command = hatbox();
+    command.arg("solve").arg(sample("two-rooms.glb")).args(["--operator", "hierarchical", "--elements", "1500"]);
+    command.args(["--tolerance", "4%", "--quiet", "-o"]).arg(output);
+    command
+}
+
+/// The process is killed sooner and later, wherever it happens to be; the last run finds what the others have left.
+#[test]
+fn what_is_killed_goes_on_to_the_same_bits() {
+    let folder = Folder::new();
+    let [whole, resumed, checkpoint] = ["whole.vtu", "resumed.vtu", "work"].map(|name| folder.path(name));
+    succeed(&mut solve(&whole));
+    for attempt in 1..6 {
+        let mut command = solve(&resumed);
+        let mut child = command.arg("--checkpoint").arg(&checkpoint).stderr(Stdio::null()).spawn().expect("it runs");
+        std::thread::sleep(Duration::from_millis(40 * attempt));
+        let _ = child.kill();
+        child.wait().expect("it ends");
+    }
+    succeed(solve(&resumed).arg("--checkpoint").arg(&checkpoint));
+    let [a, b] = [&whole, &resumed].map(|path| std::fs::read(path).expect("an output"));
+    assert!(a == b, "a run that was killed has another result");
+    assert!(!checkpoint.exists(), "it is removed when the work is done");
+}
+
+#[test]
+fn a_checkpoint_of_something_else_is_refused() {
+    let folder = Folder::new();
+    let precious = folder.file("precious", "a file of the user's own");
+    let mut command = hatbox();
+    command.arg("solve").arg(sample(CUBE)).args(["--elements", "24", "--checkpoint"]).arg(&precious);
+    fail(&folder, 1, &mut command, &["precious", "is not a checkpoint of this work", "help"]);
+    assert_eq!(std::fs::read_to_string(&precious).expect("it is there"), "a file of the user's own");
+}

@@ -1,0 +1,256 @@
+//! Work that outlives its process: finished steps in a file that is appended to.
+//!
+//! A header names the work by a hash of all that decides its result. Each record holds one step of one stage, with its
+//! length and a checksum; it is written in one piece. Whatever was cut short, at the end, is not read, and is
+//! overwritten. A run that goes on takes the steps that are there and does the others: the result is the same, bit for
+//! bit, because steps depend on nothing but the input.
+//!
+//! Stages are told apart by their number in the order in which they begin, which the input decides too.
+
+use super::atomic::AtomicError;
+use crate::progress::Progress;
+use crate::quadrature::sequence::hash;
+use crate::radiosity::Options;
+use crate::scene::Scene;
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// The first bytes of such a file; its format has a number.
+const MAGIC: [u8; 8] = *b"hatbox\0\x01";
+/// Bytes of the header, and of what precedes the bytes of a step.
+const HEADER: usize = 16;
+const RECORD: usize = 32;
+
+/// Why a checkpoint cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckpointError {
+    /// It is of something else.
+    #[error("`{}` is not a checkpoint of this work: the scene, the options or the program are others", path.display())]
+    Other {
+        /// The file.
+        path: PathBuf,
+    },
+    /// It cannot be read or written.
+    #[error(transparent)]
+    File(#[from] AtomicError),
+}
+
+/// A listener that keeps what is finished.
+pub struct Checkpoint<P> {
+    listener: P,
+    path: PathBuf,
+    /// The file, and where the bytes of each step of each stage lie in it.
+    file: Mutex<File>,
+    known: HashMap<[u64; 2], (u64, usize)>,
+    /// Number of stages that have begun.
+    stage: AtomicU64,
+}
+
+impl<P: Progress> Checkpoint<P> {
+    /// Opens or makes the file at `path`, for a work of that [`identity`]; `listener` hears of its progress.
+    ///
+    /// # Errors
+    /// [`CheckpointError`]; a file of something else is left as it is.
+    pub fn open(path: &Path, identity: u64, listener: P) -> Result<Self, CheckpointError> {
+        let failed = |source: io::Error| AtomicError { path: path.to_owned(), source };
+        let mut file =
+            File::options().read(true).write(true).create(true).truncate(false).open(path).map_err(failed)?;
+        let mut header = [0; HEADER];
+        header[..8].copy_from_slice(&MAGIC);
+        header[8..].copy_from_slice(&identity.to_le_bytes());
+        let mut found = Vec::with_capacity(HEADER);
+        Read::by_ref(&mut file).take(HEADER as u64).read_to_end(&mut found).map_err(failed)?;
+        if !header.starts_with(&found) {
+            return Err(CheckpointError::Other { path: path.to_owned() });
+        }
+        let known = if found.len() < HEADER {
+            file.set_len(0).and_then(|()| file.rewind()).and_then(|()| file.write_all(&header)).map_err(failed)?;
+            HashMap::new()
+        } else {
+            records(&mut file).map_err(failed)?
+        };
+        Ok(Self { listener, path: path.to_owned(), file: Mutex::new(file), known, stage: AtomicU64::new(0) })
+    }
+
+    /// Number of steps that an earlier run has left.
+    pub fn steps(&self) -> usize {
+        self.known.len()
+    }
+
+    /// The work is done, and its result is safe: removes the file.
+    pub fn remove(self) {
+        drop(self.file);
+        // Whoever removed it before has saved the work.
+        let _ = std::fs::remove_file(&self.path);
+    }
+
+    fn key(&self, step: u64) -> [u64; 2] {
+        [self.stage.load(Ordering::Relaxed), step]
+    }
+}
+
+impl<P: Progress> Progress for Checkpoint<P> {
+    fn begin(&self, stage: &'static str, total: u64) {
+        self.stage.fetch_add(1, Ordering::Relaxed);
+        self.listener.begin(stage, total);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.listener.advance(steps);
+    }
+
+    fn end(&self) {
+        self.listener.end();
+    }
+
+    fn interrupted(&self) -> bool {
+        self.listener.interrupted()
+    }
+
+    fn keeps(&self) -> bool {
+        true
+    }
+
+    fn recall(&self, step: u64) -> Option<Vec<u8>> {
+        let &(start, length) = self.known.get(&self.key(step))?;
+        let mut file = self.file.lock().ok()?;
+        let mut bytes = vec![0; length];
+        file.seek(SeekFrom::Start(start)).and_then(|_| file.read_exact(&mut bytes)).ok()?;
+        Some(bytes)
+    }
+
+    fn keep(&self, step: u64, bytes: &[u8]) {
+        let [stage, step] = self.key(step);
+        let mut record = Vec::with_capacity(RECORD + bytes.len());
+        for number in [stage, step, bytes.len() as u64, checksum([stage, step], bytes)] {
+            record.extend_from_slice(&number.to_le_bytes());
+        }
+        record.extend_from_slice(bytes);
+        if let Ok(mut file) = self.file.lock() {
+            // A disk that is full costs the checkpoint, not the work: a record that is not whole is not read.
+            let _ = file.seek(SeekFrom::End(0)).and_then(|_| file.write_all(&record));
+        }
+    }
+}
+
+/// The whole records of a file, whose rest is cut off; it is read from where it stands.
+fn records(file: &mut File) -> io::Result<HashMap<[u64; 2], (u64, usize)>> {
+    let size = file.metadata()?.len();
+    let mut known = HashMap::new();
+    let mut at = HEADER as u64;
+    let mut bytes = Vec::new();
+    while at + RECORD as u64 <= size {
+        let mut head = [0; RECORD];
+        file.read_exact(&mut head)?;
+        let [stage, step, length, sum] = [0, 1, 2, 3].map(|k| {
+            let mut number = [0; 8];
+            number.copy_from_slice(&head[8 * k..8 * k + 8]);
+            u64::from_le_bytes(number)
+        });
+        let start = at + RECORD as u64;
+        if length > size - start {
+            break;
+        }
+        bytes.resize(length as usize, 0);
+        file.read_exact(&mut bytes)?;
+        if checksum([stage, step], &bytes) != sum {
+            break;
+        }
+        known.insert([stage, step], (start, length as usize));
+        at = start + length;
+    }
+    file.set_len(at)?;
+    Ok(known)
+}
+
+fn checksum(key: [u64; 2], bytes: &[u8]) -> u64 {
+    digest(hash(key[0], key[1]), bytes)
+}
+
+/// A hash of bytes, eight at a time.
+fn digest(seed: u64, bytes: &[u8]) -> u64 {
+    let (words, rest) = bytes.as_chunks::<8>();
+    let mut last = [0; 8];
+    last[..rest.len()].copy_from_slice(rest);
+    let sum = words.iter().fold(seed, |sum, word| hash(sum, u64::from_le_bytes(*word)));
+    hash(hash(sum, u64::from_le_bytes(last)), bytes.len() as u64)
+}
+
+/// A number for all that decides the result of a solve: the scene, the options, and the program's version.
+pub fn identity(scene: &Scene, options: &Options, more: &str) -> u64 {
+    let Options { basis, continuity, refinement, grading, tolerance, operator, solver, seed, memory, error_points } =
+        options;
+    let names = [env!("CARGO_PKG_VERSION"), basis.name, operator.name, more];
+    let numbers = (grading, tolerance, seed, memory, error_points);
+    let text = format!("{names:?} {numbers:?} {continuity:?} {refinement:?} {solver:?} {:?}", scene.materials);
+    let mut sum = digest(0, text.as_bytes());
+    for corner in scene.surfaces.iter().flat_map(|surface| surface.corners) {
+        sum = corner.to_array().iter().fold(sum, |sum, x| hash(sum, x.to_bits()));
+    }
+    for (index, cell) in scene.mesh.cells.iter().enumerate() {
+        let numbers = cell.vertices.iter().chain([&cell.surface, &cell.material]);
+        sum = numbers.fold(sum, |sum, &number| hash(sum, u64::from(number)));
+        // What textures show there decides which faces are lamps.
+        let site = scene.site(index, [1.0 / 3.0, 1.0 / 3.0]);
+        let exitances = (0..scene.bands).map(|band| scene.material(index).exitance.at(&site, band));
+        sum = exitances.fold(sum, |sum, exitance| hash(sum, exitance.to_bits()));
+    }
+    scene.mesh.vertices.iter().flat_map(glam::DVec3::to_array).fold(sum, |sum, x| hash(sum, x.to_bits()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+
+    fn open(path: &Path, identity: u64) -> Result<Checkpoint<Silent>, CheckpointError> {
+        Checkpoint::open(path, identity, Silent)
+    }
+
+    /// Wherever the file is cut, what is read is a part of what was kept, and the rest can be kept again.
+    #[test]
+    fn a_file_that_was_cut_short_holds_its_whole_records() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("work");
+        let steps: Vec<Vec<u8>> = (0..5_u8).map(|k| vec![k; 3 * usize::from(k) + 1]).collect();
+        let first = open(&path, 7).expect("a new file");
+        first.begin("stage", 5);
+        for (step, bytes) in steps.iter().enumerate() {
+            first.keep(step as u64, bytes);
+        }
+        let whole = std::fs::read(&path).expect("the file");
+        for length in 0..=whole.len() {
+            std::fs::write(&path, &whole[..length]).expect("cut");
+            let again = open(&path, 7).expect("it goes on");
+            again.begin("stage", 5);
+            for (step, bytes) in steps.iter().enumerate() {
+                match again.recall(step as u64) {
+                    Some(found) => assert_eq!(&found, bytes),
+                    None => again.keep(step as u64, bytes),
+                }
+            }
+            assert_eq!(std::fs::read(&path).expect("the file"), whole, "cut at {length}");
+        }
+    }
+
+    #[test]
+    fn bytes_that_changed_are_not_believed_and_other_work_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("work");
+        let first = open(&path, 7).expect("a new file");
+        first.begin("stage", 1);
+        first.keep(0, b"some bytes");
+        assert!(matches!(open(&path, 8), Err(CheckpointError::Other { .. })));
+        let mut bytes = std::fs::read(&path).expect("the file");
+        let last = bytes.len() - 1;
+        bytes[last] ^= 1;
+        std::fs::write(&path, &bytes).expect("changed");
+        assert_eq!(open(&path, 7).expect("it goes on").steps(), 0);
+        std::fs::write(&path, "a file of the user's own").expect("written");
+        assert!(matches!(open(&path, 7), Err(CheckpointError::Other { .. })));
+    }
+}
