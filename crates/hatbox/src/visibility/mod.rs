@@ -33,10 +33,10 @@
 //! - deciding in single precision: it leaks at 1e-7 of the scene;
 //! - leaves in f64 only: 0.8 to 0.9 of Embree's speed on single any-hit rays, 0.2 on packets asked ray by ray;
 //! - the widest child first in any-hit queries: slower by an eighth than the narrowest first;
-//! - first crossings by the f32 test too, decided in f64 at the end: a tenth slower than f64 at once, a quarter at 1.5
-//!   million triangles, since the ray then waits for a triangle that no cache holds;
+//! - first crossings by the f32 test too, decided in f64 at the end: slower than f64 at once, the more so the more
+//!   triangles there are, since the ray then waits for a triangle that no cache holds;
 //! - two-megabyte pages through glibc's tunables: nothing. By maps of their own (`pages`), with memory asked for a step
-//!   ahead, they are kept: any-hit rays among 1.5 million triangles went from 0.64 to 0.84 of Embree's speed;
+//!   ahead, they are kept: they help where the tree is larger than the caches;
 //! - testing each ray of a packet against the boxes of inner nodes too: no gain over leaves only.
 
 #![cfg_attr(
