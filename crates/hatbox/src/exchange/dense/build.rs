@@ -82,6 +82,7 @@ struct Builder<'a> {
 struct Rows<'a> {
     run: &'a mut Run,
     sums: &'a mut Sums,
+    progress: &'a dyn Progress,
 }
 
 impl Builder<'_> {
@@ -140,24 +141,25 @@ impl Builder<'_> {
     }
 
     fn integrate(&self, run: &mut Run, sums: &mut Sums, progress: &dyn Progress) -> Result<(), Interrupted> {
-        if progress.interrupted() {
-            return Err(Interrupted);
-        }
         let steps = run.range.clone().map(|place| (self.panels.len() - 1 - place) as u64).sum();
         let cluster = run.cluster;
-        let mut rows = Rows { run, sums };
+        let mut rows = Rows { run, sums, progress };
         for &root in &self.tree.roots {
-            self.meet([cluster, root], Between::Many, &mut rows);
+            self.meet([cluster, root], Between::Many, &mut rows)?;
         }
         progress.advance(steps);
         Ok(())
     }
 
-    /// The blocks of the panels of a cluster with all panels of another that come after them.
-    fn meet(&self, pair: [usize; 2], inherited: Between<'_>, rows: &mut Rows<'_>) {
+    /// The blocks of the panels of a cluster with all panels of another that come after them. Shadows may take minutes for
+    /// a run of rows, so here is where work is interrupted.
+    fn meet(&self, pair: [usize; 2], inherited: Between<'_>, rows: &mut Rows<'_>) -> Result<(), Interrupted> {
+        if rows.progress.interrupted() {
+            return Err(Interrupted);
+        }
         let [one, other] = pair.map(|cluster| &self.tree.clusters[cluster]);
         if other.range.end <= one.range.start + 1 || one.faces_away(other) || !self.wants([&one.range, &other.range]) {
-            return;
+            return Ok(());
         }
         let mut list = Vec::new();
         // Clusters that have panels in common hold each other's blockers.
@@ -166,7 +168,7 @@ impl Builder<'_> {
         } else {
             match self.views.between([&one.hull, &other.hull], [u32::MAX; 2], inherited, &mut list) {
                 Some(between) => between,
-                None => return,
+                None => return Ok(()),
             }
         };
         if let Between::Nothing = between {
@@ -176,10 +178,11 @@ impl Builder<'_> {
                 self.one_by_one(i, other.range.start.max(i + 1)..other.range.end, between, rows);
             }
         } else if other.is_leaf() || (!one.is_leaf() && one.range.len() > other.range.len()) {
-            one.children.clone().for_each(|child| self.meet([child, pair[1]], between, rows));
+            one.children.clone().try_for_each(|child| self.meet([child, pair[1]], between, rows))?;
         } else {
-            other.children.clone().for_each(|child| self.meet([pair[0], child], between, rows));
+            other.children.clone().try_for_each(|child| self.meet([pair[0], child], between, rows))?;
         }
+        Ok(())
     }
 
     /// Whether there is something to do for the places of either range.
