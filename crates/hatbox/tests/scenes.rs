@@ -1,6 +1,7 @@
 //! Whole scenes: the Cornell box against a path tracer, and two rooms with a door.
 
 use glam::DVec3;
+use hatbox::element::ALL;
 use hatbox::io::read_scene;
 use hatbox::mesh::Refinement;
 use hatbox::progress::Silent;
@@ -39,7 +40,9 @@ fn irradiance_at(solution: &Solution, points: &[(DVec3, DVec3)]) -> Vec<Vec<f64>
 /// 6010 points with the irradiance of an unbiased path tracer, whose own relative L2 noise is 0.18 %.
 #[test]
 fn the_cornell_box_agrees_with_a_path_tracer() {
-    let solved = solved("tests/data/cornell.obj", &Options { error_points: 0, ..Options::default() });
+    let options =
+        Options { basis: &ALL[3], refinement: Refinement::Elements(500), error_points: 0, ..Options::default() };
+    let solved = solved("tests/data/cornell.obj", &options);
     let table = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/cornell_irradiance.csv"))
         .expect("the reference");
     let rows: Vec<Vec<f64>> =

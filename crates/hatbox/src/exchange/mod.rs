@@ -95,6 +95,9 @@ pub trait Exchange: LinearOperator + Send {
 pub struct Params {
     /// Relative error τ that the sum of a row may have.
     pub tolerance: f64,
+    /// Whether every row must keep to it, however many shadows fall on it: pairs of rows whose errors add up to more are
+    /// then integrated again. View factors are read row by row; in a solution errors of rows average out.
+    pub every_row: bool,
     /// How strongly light from each panel counts, relative to a mean one; empty if all count alike. Errors of visibility
     /// towards a strong emitter count more.
     pub strengths: Vec<f64>,
@@ -112,7 +115,7 @@ pub const MEMORY: usize = 16 << 30;
 impl Params {
     /// τ, all panels counting alike.
     pub fn new(tolerance: f64) -> Self {
-        Self { tolerance, strengths: Vec::new(), max_rays: 1 << 14, seed: 0, memory: MEMORY }
+        Self { tolerance, every_row: false, strengths: Vec::new(), max_rays: 1 << 14, seed: 0, memory: MEMORY }
     }
 
     /// How exactly pairs of these panels are to be integrated.

@@ -182,7 +182,7 @@ impl ViewFactors {
         let escapes = escapes(&geometry, options, progress)?;
         let standard = exchange::Params::new(options.tolerance);
         let memory = options.memory.map_or(standard.memory, |limit| limit as usize);
-        let params = exchange::Params { seed: options.seed, memory, ..standard };
+        let params = exchange::Params { every_row: true, seed: options.seed, memory, ..standard };
         let dense = Dense::new(&geometry, &params, progress)?;
         let source = Source { geometry, accuracy: params.accuracy(panels) };
         let (statistics, reversed_error) = (dense.statistics(), source.reversed_error(&dense));

@@ -38,7 +38,8 @@ pub(super) fn build(geometry: &Geometry<'_>, params: &Params, progress: &dyn Pro
     for strand in &strands {
         total.add(&strand.sums);
     }
-    if let Some(limits) = Limits::of(&total, &ordered, &builder.accuracy) {
+    let limits = if params.every_row { Limits::of(&total, &ordered, &builder.accuracy) } else { None };
+    if let Some(limits) = limits {
         let mended = builder.mend(&limits, &mut strands, progress)?;
         total.replace(&mended, &limits);
     }
