@@ -121,7 +121,12 @@ impl Params {
     /// How exactly pairs of these panels are to be integrated.
     pub(crate) fn accuracy(&self, panels: &[Panel]) -> Accuracy {
         let total_area = panels.iter().map(Panel::area).sum();
-        Accuracy { max_rays: self.max_rays, seed: self.seed, ..Accuracy::new(self.tolerance, total_area) }
+        Accuracy {
+            max_rays: self.max_rays,
+            seed: self.seed,
+            cut_out: self.every_row,
+            ..Accuracy::new(self.tolerance, total_area)
+        }
     }
 
     /// The strength of one panel.

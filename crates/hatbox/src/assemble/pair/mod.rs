@@ -29,6 +29,7 @@ pub use region::Facing;
 
 use super::Panel;
 use crate::element::MAX_DOFS;
+use crate::kernel::geometric;
 pub(super) use gauss::a_priori_error_factors;
 use glam::DVec3;
 pub(crate) use region::{FLAT, Region};
@@ -60,6 +61,8 @@ pub struct Accuracy {
     pub seed: u64,
     /// What a partially hidden pair may err by, relative to √(s A), s being its sum and A its smaller area.
     pub shadows: f64,
+    /// Whether shadows are cut out even where few rays would do.
+    pub cut_out: bool,
 }
 
 /// [`Accuracy::shadows`] as a part of the tolerance: the pairs that a shadow's edge crosses are about √n of a row of n, each of
@@ -67,10 +70,21 @@ pub struct Accuracy {
 /// and its pairs are given less.
 const SHADOWS: f64 = 0.2;
 
+/// A pair that may err by this fraction of its sum is left to rays: fewer than two hundred are faster than cutting it out.
+const ROUGH: f64 = 0.02;
+
 impl Accuracy {
     /// τ for a scene of that area, with up to 2²⁰ rays for a pair.
     pub fn new(tolerance: f64, total_area: f64) -> Self {
-        Self { tolerance, total_area, max_rays: 1 << 20, seed: 0, shadows: SHADOWS * tolerance }
+        Self { tolerance, total_area, max_rays: 1 << 20, seed: 0, shadows: SHADOWS * tolerance, cut_out: true }
+    }
+
+    /// Whether so few rays tell enough of a pair's shadow that cutting it out would take longer: where the pair may err by
+    /// some percent of its sum, and none of the panels shines.
+    pub(crate) fn is_rough(&self, a: &Panel, b: &Panel, weights: [f64; 2]) -> bool {
+        let area = a.area().min(b.area());
+        let sum = geometric(a.center, a.normal(), b.center, b.normal()) * a.area() * b.area();
+        !self.cut_out && weights == [1.0; 2] && self.tolerance * area.sqrt() >= ROUGH * sum.min(area).sqrt()
     }
 
     /// What the error of a partially hidden pair counts in, √(s A), if its sum is s; the pair counts at least as what a mean

@@ -92,13 +92,17 @@ impl Outer<'_> {
         }
     }
 
-    /// The parts of a part, and their depth: those on either side of its crease, else its quarters.
+    /// The parts of a part, and their depth: those on either side of its crease, else its quarters. A crease that cuts off
+    /// nothing but rounding would be met again for ever.
     fn split(&self, piece: &Piece) -> (Vec<Cut>, usize) {
         if let Some(crease) = piece.crease {
             let least = NO_AREA * self.panel.area();
             let size = PARALLEL * self.panel.radius;
-            let cuts = piece.cut.along(crease, self.panel.normal(), size);
-            return (cuts.into_iter().filter(|cut| cut.area() > least).collect(), piece.depth);
+            let mut cuts = piece.cut.along(crease, self.panel.normal(), size);
+            cuts.retain(|cut| cut.area() > least);
+            if cuts.len() > 1 {
+                return (cuts, piece.depth);
+            }
         }
         (piece.cut.quarters().into(), piece.depth + 1)
     }

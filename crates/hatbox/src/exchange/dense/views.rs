@@ -138,7 +138,7 @@ impl Views<'_> {
         let integrated = |sight| facing_block(a, b, facing, sight, weights, accuracy);
         match between {
             Between::Nothing => integrated(Sight::Clear),
-            Between::Some(candidates) if candidates.len() <= MAX_CLIPPED => {
+            Between::Some(candidates) if candidates.len() <= MAX_CLIPPED && !accuracy.is_rough(a, b, weights) => {
                 let polygons: Vec<_> = candidates.iter().map(|&k| self.occluders.polygon(k)).collect();
                 integrated(Sight::Behind(&polygons))
             }
