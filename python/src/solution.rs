@@ -116,9 +116,18 @@ impl Solution {
         py: Python<'py>,
         points: PyReadonlyArray2<'py, f64>,
         normals: PyReadonlyArray2<'py, f64>,
+        direct: bool,
+        seed: u64,
+        threads: Option<usize>,
     ) -> PyResult<Values<'py>> {
         let sites = sites(points.as_array(), normals.as_array());
-        let probed = py.detach(|| Probe::new(&self.solution).values(&sites));
+        let probed = if direct {
+            run(py, threads, None, &Arc::default(), |progress| {
+                Probe::new(&self.solution).values_with_direct_light(&sites, seed, progress)
+            })?
+        } else {
+            py.detach(|| Probe::new(&self.solution).values(&sites))
+        };
         let warnings = probed.warnings();
         Ok((arrays::owned(py, probed.irradiance)?, arrays::owned(py, probed.radiosity)?, warnings))
     }

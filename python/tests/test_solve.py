@@ -251,6 +251,23 @@ def test_probing_far_away_warns_and_facing_nothing_is_nan(cube_solution: hatbox.
     assert cube_solution.probe(np.empty((0, 3)), np.empty((0, 3))).irradiance.shape == (0, 1)
 
 
+def test_direct_light_at_points_has_shadows_as_sharp_as_they_are() -> None:
+    def square(z: float, s: float) -> list[list[float]]:
+        return [[-s, -s, z], [s, -s, z], [s, s, z], [-s, s, z]]
+
+    floor, sheet, lamp = [0, 1, 2, 3], [4, 5, 6, 7], [8, 11, 10, 9]
+    scene = hatbox.Scene(
+        np.array(square(0, 1) + square(0.3, 0.33) + square(1, 0.05)), np.array([floor, sheet, lamp]),
+        reflectance=[0.5, 0.0, 0.0], exitance=[0.0, 0.0, 100.0],
+    )  # fmt: skip
+    solution = hatbox.solve(scene, elements=200, tolerance=1e-3, error_points=0, progress=False)
+    points = np.column_stack([np.linspace(-0.42, 0.42, 85), np.zeros((85, 2))])
+    up = np.array([0.0, 0.0, 1.0])
+    dark, plain = (solution.probe(points, up, direct=direct, threads=1).irradiance[:, 0] for direct in (True, False))
+    assert np.abs(dark).max() < 2e-3
+    assert np.abs(plain).max() > 0.05
+
+
 def test_the_error_is_estimated_if_asked_for(cube_solution: hatbox.Solution) -> None:
     assert cube_solution.error is not None
     assert 0 < cube_solution.error.estimate < 1

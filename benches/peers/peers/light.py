@@ -41,23 +41,25 @@ def _hatbox(job: Lit, quick: bool) -> Iterator[Row]:
         yield row
         if row.seconds > LONG:
             break
+    for tolerance in (0.5,) if quick else (0.5, 0.2, 0.1, 0.05, 0.02):
+        yield _row(job, "direct light at points", f"{tolerance:g}", direct=True, tolerance=tolerance)
     for basis, elements in meshes:
         yield _row(job, basis, f"{elements} elements", basis=basis, elements=elements, error_points=0)
 
 
-def _row(job: Lit, series: str, setting: str, **options: object) -> Row:
+def _row(job: Lit, series: str, setting: str, *, direct: bool = False, **options: object) -> Row:
     def first() -> tuple[hatbox.Solution, dict[str, float]]:
         solution = hatbox.solve(job.scene, progress=False, **options)  # type: ignore[arg-type]
-        return solution, _errors(solution, job)
+        return solution, _errors(solution, job, direct)
 
     (solution, errors), seconds, cpu = timed(first)
     lamps = 2 * job.scene.exitance
-    _, _, again = timed(lambda: _errors(solution.relight(lamps, error_points=0), job))
+    _, _, again = timed(lambda: _errors(solution.relight(lamps, error_points=0), job, direct))
     return Row(job.name, "hatbox", series, setting, seconds, cpu, errors, again)
 
 
-def _errors(solution: hatbox.Solution, job: Lit) -> dict[str, float]:
+def _errors(solution: hatbox.Solution, job: Lit, direct: bool) -> dict[str, float]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hatbox.HatboxWarning)
-        found = solution.probe(job.points, job.normals).irradiance
+        found = solution.probe(job.points, job.normals, direct=direct).irradiance
     return pointwise(found, job.truth, job.weights)

@@ -187,6 +187,14 @@ pub(crate) struct ProbeArgs {
     /// In metres, with the normal of the surface that is meant, of any length. A header may name the columns.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) points: PathBuf,
+    /// Take the light of lamps as it falls on each point, with shadows as sharp as they are
+    ///
+    /// Without, values are those of the functions that were solved for, which blur the edges of shadows within an element.
+    #[arg(long)]
+    pub(crate) direct: bool,
+    /// Seed of the rays of `--direct`, where so much stands before a lamp that rays are needed
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "direct")]
+    pub(crate) seed: u64,
     /// Table (.csv) or array (.npy) to write; standard output if not given
     ///
     /// The six columns of each point, then `E_0 …` and `B_0 …`, one per band. A point takes the value of the nearest
@@ -197,7 +205,8 @@ pub(crate) struct ProbeArgs {
 
 const PROBE_EXAMPLES: &str = "\
 Example:
-  hatbox probe room.npz --points grid.csv -o lux.csv";
+  hatbox probe room.npz --points grid.csv -o lux.csv
+  hatbox probe room.npz --points desk.csv --direct -o desk.csv";
 
 #[derive(Debug, Args)]
 #[command(after_help = RENDER_EXAMPLES)]

@@ -6,9 +6,12 @@
 //! gets a value, and its distance says what the value is worth. Only where no cell at all looks that way there is none.
 
 use crate::linalg::MultiVector;
-use crate::radiosity::{Shown, Solution};
+use crate::progress::{Interrupted, Progress};
+use crate::radiosity::{Direct, Shown, Solution};
 use crate::visibility::Bvh;
 use glam::DVec3;
+use rayon::prelude::*;
+use std::collections::{BTreeSet, HashMap};
 
 /// Cosine of the greatest angle between a point's normal and that of the cell it belongs to.
 const AGREEMENT: f64 = 0.5;
@@ -94,12 +97,58 @@ impl<'a> Probe<'a> {
 
     /// E and B at points with normals.
     pub fn values(&self, points: &[(DVec3, DVec3)]) -> Probed {
-        let places: Vec<Option<Place>> =
-            points.iter().map(|&(position, normal)| self.place(position, normal)).collect();
+        self.at(&self.places(points))
+    }
+
+    /// The same with the light of lamps as it falls on each point instead of as functions on elements have it: the edges of
+    /// shadows are where they are ([`Direct`]). `seed` chooses rays, where any are needed.
+    ///
+    /// # Errors
+    /// [`Interrupted`].
+    pub fn values_with_direct_light(
+        &self,
+        points: &[(DVec3, DVec3)],
+        seed: u64,
+        progress: &dyn Progress,
+    ) -> Result<Probed, Interrupted> {
+        let (places, direct) = (self.places(points), Direct::new(self.solution));
+        let cells: BTreeSet<usize> = places.iter().flatten().map(|place| place.cell).collect();
+        progress.begin("direct light", (cells.len() + places.len()) as u64);
+        let go_on = || {
+            progress.advance(1);
+            if progress.interrupted() { Err(Interrupted) } else { Ok(()) }
+        };
+        let project = |cell: usize| go_on().map(|()| (cell, direct.projected(cell)));
+        let projected: HashMap<usize, _> = cells.into_par_iter().map(project).collect::<Result<_, _>>()?;
+        let correct = |place: &Option<Place>| {
+            let of = |place: Place| direct.correction(place.cell, place.at, &projected[&place.cell], seed);
+            go_on().map(|()| place.map(of))
+        };
+        let corrections: Vec<_> = places.par_iter().map(correct).collect::<Result<_, _>>()?;
+        progress.end();
+        let mut probed = self.at(&places);
+        let found = places.iter().zip(&corrections).enumerate();
+        for (row, place, correction) in found.filter_map(|(row, (place, c))| Some((row, (*place)?, c.as_ref()?))) {
+            let scene = &self.solution.scene;
+            let site = scene.site(place.cell, place.at);
+            for (band, light) in correction.iter().enumerate() {
+                probed.irradiance.band_mut(band)[row] += light;
+                probed.radiosity.band_mut(band)[row] += scene.material(place.cell).reflectance.at(&site, band) * light;
+            }
+        }
+        Ok(probed)
+    }
+
+    fn places(&self, points: &[(DVec3, DVec3)]) -> Vec<Option<Place>> {
+        points.iter().map(|&(position, normal)| self.place(position, normal)).collect()
+    }
+
+    /// E and B at places.
+    fn at(&self, places: &[Option<Place>]) -> Probed {
         let (low, high) = self.solution.scene.mesh.bounds();
         let limit = FAR * low.distance(high);
         let field = |shown| {
-            MultiVector::from_fn(points.len(), self.solution.bands(), |row, band| {
+            MultiVector::from_fn(places.len(), self.solution.bands(), |row, band| {
                 places[row].map_or(f64::NAN, |place| self.solution.evaluate(shown, place.cell, place.at, band))
             })
         };

@@ -197,15 +197,28 @@ class Solution:
         found = self.report["error"]
         return None if found is None else ErrorEstimate(**{k: v for k, v in found.items() if k != "kind"})
 
-    def probe(self, points: npt.ArrayLike, normals: npt.ArrayLike) -> Probed:
+    def probe(
+        self,
+        points: npt.ArrayLike,
+        normals: npt.ArrayLike,
+        *,
+        direct: bool = False,
+        seed: int = 0,
+        threads: int | None = None,
+    ) -> Probed:
         """E and B at points. Each takes the value of the nearest cell whose lit side looks the way of its normal.
 
         Args:
             points: Positions in metres, shape (n, 3).
             normals: Directions of any length, shape (n, 3) or (3,).
+            direct: Whether the light of lamps is taken as it falls on each point, with shadows as sharp as they are,
+                instead of as functions on elements have it.
+            seed: Of the rays, where so much stands before a lamp that rays are needed.
+            threads: How many; as many as there are processors if not given.
 
         Raises:
             HatboxError: A wrong shape.
+            KeyboardInterrupt: Ctrl-C.
 
         Points that lie far from any surface, and those that find none, are a `HatboxWarning`.
         """
@@ -215,7 +228,7 @@ class Solution:
         )
         if directions.shape != positions.shape:
             raise HatboxError(f"normals: the shape is {directions.shape}, but {positions.shape} is needed")
-        irradiance, radiosity, doubts = self._native.probe(positions, directions)
+        irradiance, radiosity, doubts = self._native.probe(positions, directions, direct, seed, threads)
         for doubt in doubts:
             warnings.warn(doubt, HatboxWarning, stacklevel=2)
         return Probed(irradiance.T, radiosity.T)

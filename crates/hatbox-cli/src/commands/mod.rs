@@ -21,7 +21,7 @@ pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
     match &cli.command {
         Command::Solve(args) => solve::run(args, Talk::new(cli.quiet, args.run.json))?,
         Command::Factors(args) => factors::run(args, Talk::new(cli.quiet, args.run.json))?,
-        Command::Probe(args) => probe::run(args)?,
+        Command::Probe(args) => probe::run(args, Talk::new(cli.quiet, false))?,
         Command::Render(args) => render::run(args, Talk::new(cli.quiet, false))?,
         Command::Check(args) => return check::run(args),
         Command::Completions { shell } => {

@@ -1,8 +1,10 @@
 //! `hatbox probe`: a solution at points.
 
+use super::Talk;
 use crate::args::ProbeArgs;
 use crate::failure::Failure;
 use crate::output;
+use crate::progress::Bars;
 use hatbox::io::csv::{self, Point};
 use hatbox::io::{atomic, npz};
 use hatbox::probe::{Probe, Probed};
@@ -11,7 +13,7 @@ use std::path::Path;
 /// The formats of the output.
 const EXTENSIONS: [&str; 2] = ["csv", "npy"];
 
-pub(super) fn run(args: &ProbeArgs) -> Result<(), Failure> {
+pub(super) fn run(args: &ProbeArgs, talk: Talk) -> Result<(), Failure> {
     // 1. What can be known to fail fails before the work.
     if let Some(path) = &args.output {
         check_output(path)?;
@@ -22,7 +24,12 @@ pub(super) fn run(args: &ProbeArgs) -> Result<(), Failure> {
         .map_err(|error| Failure::with_help(error.to_string(), "give a point per line: x y z nx ny nz"))?;
     // 3. The values there.
     let places: Vec<_> = points.iter().map(|point| (point.position, point.normal)).collect();
-    let probed = Probe::new(&solution).values(&places);
+    let probe = Probe::new(&solution);
+    let probed = if args.direct {
+        probe.values_with_direct_light(&places, args.seed, &Bars::new(talk.shows_progress()))?
+    } else {
+        probe.values(&places)
+    };
     output::warn(&probed.warnings());
     // 4. The table.
     match &args.output {

@@ -46,12 +46,13 @@ pub struct Panel {
 impl Panel {
     /// The panels of all cells of a mesh.
     pub fn of(mesh: &Mesh, space: &FunctionSpace) -> Vec<Self> {
-        (0..mesh.cells.len())
-            .map(|cell| {
-                let found = &mesh.cells[cell];
-                Self::new(mesh.patch(cell), space.element(cell), found.vertices, found.surface)
-            })
-            .collect()
+        (0..mesh.cells.len()).map(|cell| Self::of_cell(mesh, space, cell)).collect()
+    }
+
+    /// The panel of one cell.
+    pub fn of_cell(mesh: &Mesh, space: &FunctionSpace, cell: usize) -> Self {
+        let found = &mesh.cells[cell];
+        Self::new(mesh.patch(cell), space.element(cell), found.vertices, found.surface)
     }
 
     /// A panel on its own. Corners with the same index in `vertices` are the same point.

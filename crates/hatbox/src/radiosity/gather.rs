@@ -21,6 +21,8 @@ const MAX_RAYS: u32 = 1024;
 /// Gathers irradiance from the panels of a solved scene.
 pub struct Gather<'a> {
     pub(super) panels: &'a [Panel],
+    /// The cell of each panel; that of the same number if not given.
+    pub(super) cells: Option<&'a [usize]>,
     pub(super) views: Views<'a>,
     /// How strongly each panel's light counts; strong ones are sampled more finely.
     pub(super) strengths: &'a [f64],
@@ -40,14 +42,15 @@ impl Gather<'_> {
     pub fn independent<const N: usize>(&self, x: DVec3, n: DVec3, surface: u32, seeds: [u64; N]) -> [Vec<f64>; N] {
         let mut sums = std::array::from_fn(|_| vec![0.0; self.solution.bands()]);
         let mut list = Vec::new();
-        for (cell, panel) in self.panels.iter().enumerate() {
+        for (k, panel) in self.panels.iter().enumerate() {
+            let cell = self.cells.map_or(k, |cells| cells[k]);
             if panel.surface == surface || self.is_dark(cell) {
                 continue;
             }
             let (row, visible) = match self.views.point_row(panel, (x, n), surface, &mut list) {
                 None => continue,
                 Some(PointRow::Exact(row)) => (row, [1.0; N]),
-                Some(PointRow::Unoccluded(row)) => (row, self.visible_shares(cell, x, n, surface, seeds)),
+                Some(PointRow::Unoccluded(row)) => (row, self.visible_shares(k, x, n, surface, seeds)),
             };
             for (band, sent) in self.sent(cell, &row) {
                 for (sum, visible) in sums.iter_mut().zip(visible) {
@@ -71,21 +74,14 @@ impl Gather<'_> {
         self.solution.radiosity.iter_bands().map(of).enumerate()
     }
 
-    /// The visible share of a cell's light by rays, whose number follows how much the cell may matter; one for each seed.
-    fn visible_shares<const N: usize>(
-        &self,
-        cell: usize,
-        x: DVec3,
-        n: DVec3,
-        surface: u32,
-        seeds: [u64; N],
-    ) -> [f64; N] {
-        let panel = &self.panels[cell];
+    /// The visible share of a panel's light by rays, whose number follows how much it may matter; one for each seed.
+    fn visible_shares<const N: usize>(&self, k: usize, x: DVec3, n: DVec3, surface: u32, seeds: [u64; N]) -> [f64; N] {
+        let panel = &self.panels[k];
         let Some(above) = Region::in_front(&panel.patch, x, n) else { return [0.0; N] };
         let distance = (panel.center.distance(x) - panel.radius).max(0.25 * panel.radius);
-        let weight = self.strengths.get(cell).copied().unwrap_or(1.0) * panel.area() / (distance * distance);
+        let weight = self.strengths.get(k).copied().unwrap_or(1.0) * panel.area() / (distance * distance);
         let rays = (weight / FINEST).ceil().clamp(1.0, f64::from(MAX_RAYS)) as u32;
-        seeds.map(|seed| self.visible_share(panel, &above, [x, n], surface, hash(seed, cell as u64), rays))
+        seeds.map(|seed| self.visible_share(panel, &above, [x, n], surface, hash(seed, k as u64), rays))
     }
 
     /// ΣVG/ΣG over points of the part of the panel above the horizon of x. (A single point below it would say that nothing

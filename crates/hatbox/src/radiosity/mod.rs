@@ -8,6 +8,7 @@
 //! In a joined space the *computation* is Galerkin's on the hats themselves; for linear functions on triangles there are about six
 //! times fewer of them than broken ones. The irradiance is always given in the broken space.
 
+mod direct;
 mod gather;
 mod indicator;
 mod lossless;
@@ -18,6 +19,7 @@ mod solution;
 mod solved;
 mod system;
 
+pub use direct::{Direct, Projected};
 pub use gather::Gather;
 pub use indicator::local_error;
 pub use reconstruct::{error_of, gathered};

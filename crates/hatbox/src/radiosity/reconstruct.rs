@@ -1,5 +1,6 @@
 //! What is made of a solution for output.
 
+use super::direct::INWARD;
 use super::system::strengths;
 use super::{Gather, Solution, local_error};
 use crate::assemble::Panel;
@@ -14,10 +15,6 @@ use crate::visibility::{Bvh, Occluders};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// How far a node is moved into its cell, relative to the way to the middle: on an edge the plane of the other face is
-/// seen from neither side.
-const INWARD: f64 = 1e-4;
-
 /// The solution with every nodal value of E gathered afresh from B̃, and B = B⁰ + R E there: I. H. Sloan's iterate, half
 /// an order more accurate at the nodes, with the direct light of each point its own. The power of the result is close to
 /// the solution's and not the same.
@@ -29,7 +26,7 @@ pub fn gathered(solution: &Solution, seed: u64, progress: &dyn Progress) -> Resu
     let panels = Panel::of(&scene.mesh, space);
     let (occluders, blockers) = (Occluders::new(&scene.surfaces), Bvh::of_surfaces(&scene.surfaces));
     let views = Views { occluders: &occluders, blockers: &blockers };
-    let gather = Gather { panels: &panels, views, strengths: &strengths(scene), solution };
+    let gather = Gather { panels: &panels, cells: None, views, strengths: &strengths(scene), solution };
     let nodes = nodes(space);
     progress.begin("gathering", nodes.len() as u64);
     let values: Result<Vec<Vec<[f64; 2]>>, Interrupted> = nodes

@@ -337,7 +337,7 @@ impl System {
 
     /// Irradiance at any point, from a solution of this system.
     pub fn gather<'a>(&'a self, solution: &'a Solution) -> Gather<'a> {
-        Gather { panels: self.panels(), views: self.views(), strengths: &self.strengths, solution }
+        Gather { panels: self.panels(), cells: None, views: self.views(), strengths: &self.strengths, solution }
     }
 
     /// What surfaces reflect, again and again, if they emit a function of the broken space: (I − RK)⁻¹RK of it, to three

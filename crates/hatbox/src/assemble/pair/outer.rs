@@ -203,7 +203,7 @@ fn evenness(corners: &Polygon, [from, to]: Crease, normal: DVec3, border: f64) -
 }
 
 /// A triangle or a parallelogram of the outer panel: origin + ξ u + η v for ξ, η of the reference cell.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 struct Cut {
     shape: Shape,
     origin: DVec3,
@@ -265,5 +265,42 @@ impl Cut {
             Shape::Quad => part(o + u + v, 1.0),
         };
         [part(o, 1.0), part(o + u, 1.0), part(o + v, 1.0), last]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::element::ALL;
+    use crate::mesh::Patch;
+    use crate::quadrature::sequence::{hash, point};
+
+    /// Needles that creases have left, far smaller than the panel, and creases that cross them: what is cut off may have no
+    /// area that counts. The rest came back with the same crease, round after round.
+    #[test]
+    fn a_crease_that_cuts_off_no_area_does_not_come_back_for_ever() {
+        let constant = ALL[0].element(Shape::Triangle).expect("constants");
+        let patch = Patch::new(Shape::Triangle, [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Y]);
+        let panel = Panel::new(patch, constant, [0; 4], 0);
+        let outer =
+            Outer { panel: &panel, source: &panel, at: &|_| [1.0; MAX_DOFS], degrees: &[2], shadows: None, most: 1 };
+        let mut without_area = 0;
+        for k in 0..20_000 {
+            let [p, q] = [0, 1].map(|set| point(hash(set, k), 0));
+            let size = |x: f64| 10_f64.powf(-10.0 * x);
+            let (u, v) = (DVec3::new(size(p[0]), 0.0, 0.0), DVec3::new(p[1] * size(p[0]), size(p[2]), 0.0));
+            let cut = Cut { shape: Shape::Triangle, origin: DVec3::new(0.1, 0.1, 0.0), u, v };
+            let crease = [cut.origin + u * q[0].powi(8), cut.origin + v * q[1].powi(8)];
+            if evenness(&cut.corners(), crease, DVec3::Z, BORDER * panel.radius).is_none() {
+                continue;
+            }
+            let counts = |part: &Cut| part.area() > NO_AREA * panel.area();
+            let sides = cut.along(crease, DVec3::Z, PARALLEL * panel.radius);
+            without_area += usize::from(sides.iter().filter(|part| counts(part)).count() < 2);
+            let piece = Piece { cut, depth: 3, block: Block::zeros(&panel, &panel), crease: Some(crease) };
+            let (parts, depth) = outer.split(&piece);
+            assert!(parts.len() > 1 && (depth > 3 || parts.iter().all(counts)), "{cut:?} {crease:?}");
+        }
+        assert!(without_area > 10, "there are such creases: {without_area}");
     }
 }

@@ -1,0 +1,115 @@
+//! Values at points: the light of lamps as it falls there, shadows and all.
+
+#[expect(dead_code, reason = "not every test needs every mesh")]
+mod meshes;
+
+use glam::DVec3;
+use hatbox::element::ALL;
+use hatbox::mesh::{Mesh, Refinement};
+use hatbox::probe::Probe;
+use hatbox::progress::{Interrupted, Progress, Silent};
+use hatbox::quadrature::rule;
+use hatbox::radiosity::{Options, Solution, solve};
+use hatbox::scene::{Material, Physics, Quantity, Scene};
+use std::f64::consts::PI;
+
+/// Half the edge of the lamp.
+const LAMP: f64 = 0.05;
+/// Half the edge of the sheet, and its height.
+const SHEET: [f64; 2] = [0.33, 0.3];
+const EXITANCE: f64 = 100.0;
+
+/// A floor under a small lamp one metre above, with a sheet between. All light on the floor is the lamp's: what the floor
+/// reflects is absorbed.
+fn scene() -> Scene {
+    let mut mesh = Mesh::default();
+    let square = |z: f64, s: f64, up: bool| {
+        let corners = [(-s, -s), (s, -s), (s, s), (-s, s)].map(|(x, y)| DVec3::new(x, y, z));
+        if up { corners } else { [corners[0], corners[3], corners[2], corners[1]] }
+    };
+    meshes::face(&mut mesh, &square(0.0, 1.0, true), 0);
+    meshes::face(&mut mesh, &square(SHEET[1], SHEET[0], true), 2);
+    meshes::face(&mut mesh, &square(1.0, LAMP, false), 1);
+    let lamp = Material { exitance: Quantity::gray(EXITANCE), ..Material::diffuse("lamp", 0.0) };
+    let materials = vec![Material::diffuse("floor", 0.5), lamp, Material::diffuse("sheet", 0.0)];
+    Scene::new(mesh, materials, Physics::Light, None).expect("valid")
+}
+
+/// E at (x, 0, 0) on the floor: ∫ B (cos θ)²/(π d²) over the part of the lamp that the sheet leaves, a rectangle.
+fn exact(x: f64) -> f64 {
+    // The edge of the sheet in the plane of the lamp, as seen from the floor.
+    let [half, height] = SHEET;
+    let edge = x + (half - x) / height;
+    let from = edge.clamp(-LAMP, LAMP);
+    let width = LAMP - from;
+    let rule = rule(hatbox::element::Shape::Quad, 8);
+    let density = |&[u, v]: &[f64; 2]| {
+        let (dx, y) = (from + u * width - x, LAMP * (2.0 * v - 1.0));
+        1.0 / (PI * (dx * dx + y * y + 1.0).powi(2))
+    };
+    let mean: f64 = rule.points.iter().zip(&rule.weights).map(|(at, w)| w * density(at)).sum();
+    EXITANCE * mean * 2.0 * LAMP * width
+}
+
+fn points() -> Vec<(DVec3, DVec3)> {
+    (0..60).map(|k| (DVec3::new(0.16 + 0.01 * f64::from(k), 0.0, 0.0), DVec3::Z)).collect()
+}
+
+fn solution(basis: &'static hatbox::element::Basis) -> Solution {
+    let options = Options {
+        basis,
+        refinement: Refinement::Elements(300),
+        tolerance: 1e-4,
+        error_points: 0,
+        ..Options::default()
+    };
+    solve(&scene(), &options, &Silent).expect("solved").solution
+}
+
+#[test]
+fn the_light_of_a_lamp_is_exact_at_points_on_either_side_of_a_hard_shadow_in_any_basis() {
+    for basis in &ALL {
+        let (solution, points) = (solution(basis), points());
+        let probe = Probe::new(&solution);
+        let errors = |found: &[f64]| {
+            let error = |(point, found): (&(DVec3, DVec3), &f64)| (found - exact(point.0.x)).abs() / exact(0.8);
+            points.iter().zip(found).map(error).fold(0.0, f64::max)
+        };
+        let [direct, plain] =
+            [probe.values_with_direct_light(&points, 0, &Silent).expect("nobody stops it"), probe.values(&points)];
+        let (sharp, blurred) = (errors(direct.irradiance.band(0)), errors(plain.irradiance.band(0)));
+        assert!(sharp < 2e-3 && blurred > 0.1, "{}: {sharp} instead of {blurred}", basis.name);
+        let reflected = direct.irradiance.band(0).iter().zip(direct.radiosity.band(0));
+        let change = reflected.zip(plain.irradiance.band(0).iter().zip(plain.radiosity.band(0)));
+        for ((e, b), (e_plain, b_plain)) in change {
+            // B = B⁰ + R E: what is added to E is reflected.
+            assert!((0.5 * (e - e_plain) - (b - b_plain)).abs() < 1e-12, "{}: {e} {b}", basis.name);
+        }
+    }
+}
+
+#[test]
+fn a_scene_without_lamps_is_left_as_it_is() {
+    let mut dark = scene();
+    dark.materials[1].exitance = Quantity::gray(0.0);
+    let solved = solve(&dark, &Options { error_points: 0, ..Options::default() }, &Silent).expect("solved").solution;
+    let probe = Probe::new(&solved);
+    let direct = probe.values_with_direct_light(&points(), 0, &Silent).expect("nobody stops it");
+    assert_eq!(direct, probe.values(&points()));
+}
+
+/// Somebody who wants it to stop.
+struct Impatient;
+
+impl Progress for Impatient {
+    fn interrupted(&self) -> bool {
+        true
+    }
+}
+
+#[test]
+fn probing_can_be_interrupted() {
+    let solution = solution(&ALL[0]);
+    let stopped = Probe::new(&solution).values_with_direct_light(&points(), 0, &Impatient);
+    assert_eq!(stopped, Err(Interrupted));
+}
