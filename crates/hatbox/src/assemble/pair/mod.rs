@@ -84,7 +84,9 @@ impl Accuracy {
     pub(crate) fn is_rough(&self, a: &Panel, b: &Panel, weights: [f64; 2]) -> bool {
         let area = a.area().min(b.area());
         let sum = geometric(a.center, a.normal(), b.center, b.normal()) * a.area() * b.area();
-        !self.cut_out && weights == [1.0; 2] && self.tolerance * area.sqrt() >= ROUGH * sum.min(area).sqrt()
+        !self.cut_out
+            && weights.iter().all(|&weight| weight <= 1.0)
+            && self.tolerance * area.sqrt() >= ROUGH * sum.min(area).sqrt()
     }
 
     /// What the error of a partially hidden pair counts in, √(s A), if its sum is s; the pair counts at least as what a mean
