@@ -1,7 +1,7 @@
 //! Every kind of exchange operator against the dense one, from tolerance to tolerance.
 //!
-//! `cargo bench -p hatbox --bench operators [-- SCENE [ELEMENTS [KIND]]]`; SCENE is a kind of `examples/generate` or the
-//! name of a file of the samples. The error is that of the radiosity, ‖B − B_dense‖/‖B_dense − B⁰‖ on the same mesh, and
+//! `cargo bench -p hatbox --bench operators [-- SCENE [ELEMENTS [KIND [LEAST]]]]`; SCENE is a kind of `examples/generate` or the
+//! name of a file of the samples, KIND `all` for every one, LEAST the least tolerance (0.0015). The error is that of the radiosity, ‖B − B_dense‖/‖B_dense − B⁰‖ on the same mesh, and
 //! `order` is the binary logarithm of the error's ratio from one tolerance to its half: 1 where the error halves too.
 
 #[allow(dead_code, reason = "other benches use the rest")]
@@ -19,8 +19,9 @@ use measure::{cpu_seconds, kinds, scene};
 const SAMPLES: [&str; 2] = ["cornell-box.glb", "two-rooms.glb"];
 /// Faces of a generated scene for so many elements.
 const SUBDIVIDED: usize = 4;
-/// Tolerances: 10 % and its halves, down to 0.1 %.
-const HALVINGS: i32 = 7;
+/// Tolerances: 10 % and its halves.
+const FIRST: f64 = 0.1;
+const LEAST: f64 = 0.0015;
 /// Tolerance of what the others are compared with: rays of another seed, or the dense operator if there are few elements.
 const TRUTH: f64 = 1e-3;
 const FEW: usize = 700;
@@ -32,14 +33,15 @@ fn main() {
         Some(name) => vec![name],
         None => kinds::ALL.iter().map(|kind| kind.name).chain(SAMPLES).collect(),
     };
+    let least = arguments.get(3).map_or(LEAST, |text| text.parse().expect("a number"));
     println!("scene           kind         elements  tolerance    CPU s      MB     error  estimate  order");
     for name in names {
-        compare(name, elements, arguments.get(2).map(String::as_str));
+        compare(name, elements, arguments.get(2).map(String::as_str).filter(|&kind| kind != "all"), least);
     }
 }
 
 /// One scene.
-fn compare(name: &str, elements: usize, only: Option<&str>) {
+fn compare(name: &str, elements: usize, only: Option<&str>, least: f64) {
     let faces = if name == "terrain" { elements } else { elements / SUBDIVIDED };
     let scene = scene(name, faces);
     let options = |kind: &str, tolerance: f64| Options {
@@ -54,8 +56,7 @@ fn compare(name: &str, elements: usize, only: Option<&str>) {
     println!("{name:<15} {best:<12} {:>8}  {:>7.3} %  {:>7.2}", dense.cells(), 100.0 * TRUTH, dense.seconds);
     for kind in exchange::ALL.iter().filter(|kind| only.is_none_or(|only| kind.name == only)) {
         let mut last: Option<f64> = None;
-        for halving in 0..HALVINGS {
-            let tolerance = 0.1 * 0.5_f64.powi(halving);
+        for tolerance in (0..).map(|halving| FIRST * 0.5_f64.powi(halving)).take_while(|&t| t > least) {
             let made = run(&scene, &options(kind.name, tolerance));
             let error = made.error(&dense);
             let order = last.map_or(String::new(), |last| format!("{:>6.2}", (last / error).log2()));

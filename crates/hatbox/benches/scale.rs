@@ -2,18 +2,24 @@
 //!
 //! `cargo bench -p hatbox --bench scale [-- MOST [KIND]]`: every scene at every size up to MOST (1 000 000) with that kind
 //! of operator (hierarchical). `… -- SCENE ELEMENTS KIND [TOLERANCE]` is one of them. Each is run in a process of its
-//! own, so that the memory is its own. `build` makes the operator, `solve` solves, `relight` solves again with other
-//! lamps and paints on the same operator; all in seconds. `noise` is the error of the operator from two halves of its
+//! own, so that the memory is its own. `build` makes the operator, `solve` solves, `check` estimates the error, `relight`
+//! solves again with other lamps and paints on the same operator; all in seconds. `CPU s` are those of the first three,
+//! of all threads. `noise` is the error of the operator from two halves of its
 //! rays, `estimate` the estimated error of the solution. How far operators are from the dense one is the bench `operators`.
 
 mod measure;
 
+use glam::DVec3;
 use hatbox::exchange;
+use hatbox::linalg::MultiVector;
 use hatbox::mesh::Refinement;
 use hatbox::progress::Silent;
 use hatbox::radiosity::{Options, System};
 use hatbox::scene::{Material, Quantity};
+use hatbox::visibility::{Bvh, Visibility};
 use measure::{cpu_seconds, kinds, peak_megabytes, scene};
+use rayon::prelude::*;
+use std::f64::consts::TAU;
 use std::process::Command;
 use std::time::Instant;
 
@@ -22,7 +28,12 @@ const SIZES: [usize; 4] = [10_000, 100_000, 1_000_000, 10_000_000];
 /// Faces of the file for so many elements: the terrain is all detail, the others are subdivided.
 const SUBDIVIDED: usize = 20;
 /// Tolerance of the operator.
-const TOLERANCE: f64 = 0.01;
+const TOLERANCE: f64 = 0.02;
+/// Suns, and how many are solved for at once.
+const SUNS: usize = 100;
+const BATCH: usize = 25;
+/// A length, in metres, beyond which nothing stands.
+const FAR: f64 = 1e4;
 /// Points at which the error is estimated.
 const POINTS: usize = 256;
 
@@ -30,6 +41,10 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
     let number = |text: &String| text.parse::<f64>().expect("a number");
     match &arguments[..] {
+        [suns, facets, rest @ ..] if suns == "suns" => {
+            let kind = rest.first().map_or(exchange::Sampled::NAME, String::as_str);
+            light(number(facets) as usize, kind, rest.get(1).map_or(TOLERANCE, number));
+        }
         [scene, elements, kind, rest @ ..] if kinds::ALL.iter().any(|known| known.name == scene) => {
             run(scene, number(elements) as usize, kind, rest.first().map_or(TOLERANCE, number));
         }
@@ -43,7 +58,7 @@ fn main() {
 /// Every scene at every size, each in a process of its own, and the exponents between the least and the greatest size.
 fn all(most: usize, kind: &str) {
     println!(
-        "scene      kind          elements triangles   build   solve relight   CPU s  peak MB operator   noise  estimate"
+        "scene      kind          elements triangles   build   solve   check relight   CPU s  peak MB operator   noise  estimate"
     );
     for scene in kinds::ALL {
         let mut measured: Vec<[f64; 3]> = Vec::new();
@@ -53,7 +68,7 @@ fn all(most: usize, kind: &str) {
             let line = String::from_utf8_lossy(&output.stdout);
             print!("{line}");
             let numbers: Vec<f64> = line.split_whitespace().filter_map(|word| word.parse().ok()).collect();
-            if let &[n, _, _, _, _, cpu, peak, ..] = &numbers[..] {
+            if let &[n, _, _, _, _, _, cpu, peak, ..] = &numbers[..] {
                 measured.push([n, cpu, peak]);
             }
         }
@@ -78,14 +93,15 @@ fn run(name: &str, elements: usize, kind: &str, tolerance: f64) {
     let mut system = System::build(&scene, &options, &Silent).expect("built");
     let build = started.elapsed().as_secs_f64();
     let solved = system.solved(&options, &Silent).expect("solved");
-    let (solve, cpu) = (started.elapsed().as_secs_f64() - build, cpu_seconds() - cpu);
+    let (solve, cpu) = (solved.solver_time.as_secs_f64(), cpu_seconds() - cpu);
+    let check = started.elapsed().as_secs_f64() - build - solve;
     let (noise, peak) = (system.operator_error(&solved.solution), peak_megabytes());
     let started = Instant::now();
     system.set_materials(scene.materials.iter().map(other).collect(), options.continuity).expect("the same cells");
     let solver = system.best_solver();
     system.solve(solver, &system.solver_params(solver), &Silent).expect("solved again");
     println!(
-        "{name:<10} {kind:<12} {:>9} {:>9} {build:>7.1} {solve:>7.1} {:>7.1} {cpu:>7.1} {peak:>8.0} {:>8.0} {:>6.2} % {:>6.2} %",
+        "{name:<10} {kind:<12} {:>9} {:>9} {build:>7.1} {solve:>7.1} {check:>7.1} {:>7.1} {cpu:>7.1} {peak:>8.0} {:>8.0} {:>6.2} % {:>6.2} %",
         system.space.cells(),
         scene.surfaces.len(),
         started.elapsed().as_secs_f64(),
@@ -93,6 +109,65 @@ fn run(name: &str, elements: usize, kind: &str, tolerance: f64) {
         100.0 * noise,
         solved.error.map_or(0.0, |error| 100.0 * error.relative),
     );
+}
+
+/// The terrain under many suns.
+fn light(facets: usize, kind: &str, tolerance: f64) {
+    let mut scene = scene("terrain", facets);
+    let dust = scene.materials.iter().map(|material| Material {
+        reflectance: Quantity::gray(material.reflectance.uniform(0).unwrap_or(0.0)),
+        exitance: Quantity::gray(0.0),
+        ..material.clone()
+    });
+    scene.set_materials(dust.collect()).expect("as many");
+    let options = Options {
+        operator: exchange::kind(kind).expect("a kind"),
+        basis: &hatbox::element::ALL[0],
+        refinement: Refinement::None,
+        tolerance,
+        ..Options::default()
+    };
+    let started = Instant::now();
+    let system = System::build(&scene, &options, &Silent).expect("built");
+    let build = started.elapsed().as_secs_f64();
+    let blockers = Bvh::of_surfaces(&scene.surfaces);
+    let (mut direct, mut solve, mut iterations) = (0.0, 0.0, 0);
+    for batch in (0..SUNS).collect::<Vec<_>>().chunks(BATCH) {
+        let started = Instant::now();
+        let loads = MultiVector::from_bands(
+            batch.len(),
+            batch.iter().flat_map(|&sun| reflected(&system, &blockers, sun)).collect(),
+        );
+        direct += started.elapsed().as_secs_f64();
+        let started = Instant::now();
+        let solver = system.best_solver();
+        let params = system.solver_params(solver);
+        let (_, info) = system.solve_for(&loads.expect("whole columns"), solver, &params, &Silent).expect("solved");
+        (solve, iterations) = (solve + started.elapsed().as_secs_f64(), iterations.max(info.iterations));
+    }
+    println!("terrain    {kind:<12} facets {}, {SUNS} suns", system.space.cells());
+    println!("build {build:.1} s, direct {direct:.1} s, solve {solve:.1} s ({iterations} iterations)");
+    println!("(build + solve)/build {:.2}, peak {:.0} MB", (build + solve) / build, peak_megabytes());
+}
+
+/// What the facets reflect of a sun of 1 W/m², times their areas.
+fn reflected(system: &System, blockers: &Bvh, sun: usize) -> Vec<f64> {
+    let (height, around) = (0.05 + 0.85 * sun as f64 / SUNS as f64, TAU * 0.618 * sun as f64);
+    let flat = (1.0 - height * height).sqrt();
+    let towards = DVec3::new(flat * around.cos(), height, flat * around.sin());
+    let mesh = &system.scene.mesh;
+    let facet = |cell: usize| {
+        let (patch, surface) = (mesh.patch(cell), mesh.cells[cell].surface);
+        let cosine = patch.normal().dot(towards);
+        let dark =
+            cosine <= 0.0 || blockers.occluded(patch.center(), patch.center() + towards * FAR, [surface, surface]);
+        if dark {
+            0.0
+        } else {
+            patch.area() * cosine * system.scene.material(cell).reflectance.uniform(0).unwrap_or(0.0)
+        }
+    };
+    (0..mesh.cells.len()).into_par_iter().map(facet).collect()
 }
 
 /// Another light and another paint.

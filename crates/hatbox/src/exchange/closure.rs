@@ -101,7 +101,7 @@ impl Balanced {
         let closure = Closure { escape, lost, deficit, balanced: false, factor: 1.0 };
         let mut balanced = Self { exchange, scaling: None, factor: None, closure };
         if escape == 0.0 && deficit < GREATEST_DEFICIT {
-            balanced.balance(scene, space, mass, mass_inverse, &target);
+            balanced.balance(scene, space, mass, mass_inverse, [&target, &sums]);
         } else if escape > 0.0 && balanced.exchange.is_symmetric() {
             let rays = rays_per_cell(space.cells(), 0) as usize * space.cells();
             balanced.factor = open_factor(escape, lost, rays);
@@ -117,11 +117,13 @@ impl Balanced {
         space: &FunctionSpace,
         mass: &BlockDiagonal,
         mass_inverse: &BlockDiagonal,
-        target: &MultiVector,
+        [target, sums]: [&MultiVector; 2],
     ) {
         let ones = MultiVector::uniform(target.rows(), &[1.0]);
         let norm = target.norms()[0];
-        self.closure.balanced = self.deviation(target) <= BALANCED * norm;
+        let mut residual = target.clone();
+        residual.add_scaled(-1.0, sums);
+        self.closure.balanced = residual.norms()[0] <= BALANCED * norm;
         if self.closure.balanced || !self.exchange.is_symmetric() {
             return;
         }

@@ -1,4 +1,9 @@
 use super::{LinearOperator, MultiVector};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Blocks of a thread at the least.
+const LEAST_BLOCKS: usize = 1 << 12;
 
 /// A matrix of small square blocks on the diagonal, one per element; either one set for all bands or one per band.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,6 +61,18 @@ impl BlockDiagonal {
         Some(inverse)
     }
 
+    /// The rows of some blocks.
+    fn apply_some(&self, band: usize, blocks: Range<usize>, x: &[f64], y: &mut [f64]) {
+        let start = self.offsets[blocks.start];
+        for block in blocks {
+            let rows = self.offsets[block]..self.offsets[block + 1];
+            let values = self.block(band, block).chunks_exact(rows.len());
+            for (y, row) in y[rows.start - start..rows.end - start].iter_mut().zip(values) {
+                *y = row.iter().zip(&x[rows.clone()]).map(|(a, x)| a * x).sum();
+            }
+        }
+    }
+
     /// The entries as (row, column, value), for one band.
     pub fn triplets(&self, band: usize) -> impl Iterator<Item = (u32, u32, f64)> + '_ {
         (0..self.blocks()).flat_map(move |block| {
@@ -75,14 +92,15 @@ impl LinearOperator for BlockDiagonal {
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
         for band in 0..x.bands() {
-            let (x, y) = (x.band(band), y.band_mut(band));
-            for block in 0..self.blocks() {
-                let rows = self.offsets[block]..self.offsets[block + 1];
-                let values = self.block(band, block);
-                for (y, row) in y[rows.clone()].iter_mut().zip(values.chunks_exact(rows.len())) {
-                    *y = row.iter().zip(&x[rows.clone()]).map(|(a, x)| a * x).sum();
-                }
+            let (x, mut rest) = (x.band(band), y.band_mut(band));
+            let mut parts = Vec::with_capacity(self.blocks().div_ceil(LEAST_BLOCKS));
+            for first in (0..self.blocks()).step_by(LEAST_BLOCKS) {
+                let blocks = first..(first + LEAST_BLOCKS).min(self.blocks());
+                let (part, after) = rest.split_at_mut(self.offsets[blocks.end] - self.offsets[blocks.start]);
+                parts.push((blocks, part));
+                rest = after;
             }
+            parts.into_par_iter().for_each(|(blocks, y)| self.apply_some(band, blocks, x, y));
         }
     }
 }

@@ -1,4 +1,8 @@
 use super::{LinearOperator, MultiVector};
+use rayon::prelude::*;
+
+/// Rows of a thread at the least.
+const LEAST_ROWS: usize = 1 << 13;
 
 /// A sparse matrix in compressed rows.
 #[derive(Debug, Clone, PartialEq)]
@@ -95,9 +99,9 @@ impl LinearOperator for Csr {
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
         for band in 0..x.bands() {
             let x = x.band(band);
-            for (row, y) in y.band_mut(band).iter_mut().enumerate() {
+            y.band_mut(band).par_iter_mut().with_min_len(LEAST_ROWS).enumerate().for_each(|(row, y)| {
                 *y = self.row(row).map(|(col, value)| value * x[col]).sum();
-            }
+            });
         }
     }
 }

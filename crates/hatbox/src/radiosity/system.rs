@@ -229,8 +229,16 @@ impl System {
         Ok(self.solve_for(self.load(), kind, params, progress)?)
     }
 
-    /// The same for another emission, given by its integrals ∫B⁰N_i against the broken functions.
-    fn solve_for(
+    /// The same for another emission, given by its integrals ∫B⁰N_i against the broken functions; one column per band, or
+    /// any number of columns where the scene has one band: a hundred suns are a hundred right-hand sides, and go through
+    /// one pass of the operator.
+    ///
+    /// # Errors
+    /// [`SolveError`].
+    ///
+    /// # Panics
+    /// If the number of rows is not that of the broken coefficients.
+    pub fn solve_for(
         &self,
         load: &MultiVector,
         kind: solve::Kind,
@@ -323,7 +331,14 @@ impl System {
     pub fn energy(&self, solution: &Solution) -> Energy {
         let emitted = self.load();
         let left = self.mass.times(&solution.radiosity);
-        let arrived = self.exchange.times(&solution.radiosity);
+        // Joining keeps the power of what is joined, and that is of one material: where R does not vary on it, the
+        // irradiance has the sums of what arrived.
+        let uniform = |m: &Material| (0..self.scene.bands).all(|band| m.reflectance.uniform(band).is_some());
+        let arrived = if self.scene.materials.iter().all(uniform) {
+            self.mass.times(&solution.irradiance)
+        } else {
+            self.exchange.times(&solution.radiosity)
+        };
         let reflected = weighted_mass(&self.scene, &self.space).times(&self.mass_inverse.times(&arrived));
         let total = |x: &MultiVector, band: usize| x.band(band).iter().sum::<f64>();
         let bands = 0..self.scene.bands;

@@ -13,7 +13,7 @@ use std::ops::{Deref, DerefMut};
 const PAGE: usize = 1 << 21;
 
 /// A fixed number of elements, zero at first.
-pub(super) struct Pages<T> {
+pub(crate) struct Pages<T> {
     memory: Memory<T>,
     len: usize,
 }
@@ -24,7 +24,7 @@ enum Memory<T> {
 }
 
 impl<T: Pod> Pages<T> {
-    pub(super) fn zeroed(len: usize) -> Self {
+    pub(crate) fn zeroed(len: usize) -> Self {
         let bytes = len * size_of::<T>();
         let mapped = if bytes < PAGE { None } else { MmapMut::map_anon(bytes.next_multiple_of(PAGE)).ok() };
         #[cfg(target_os = "linux")]

@@ -1,7 +1,6 @@
 //! The cells as the rays need them, 60 bytes each, and where on them a point of a face of the input lies.
 
 use crate::element::{Element, Shape};
-use crate::linalg::MultiVector;
 use crate::mesh::{Mesh, Patch};
 use crate::scene::{Scene, Surface};
 use crate::space::FunctionSpace;
@@ -55,6 +54,19 @@ impl Cells {
         self.offsets[cell] as usize..self.offsets[cell + 1] as usize
     }
 
+    /// The reference coordinates of a point of a cell's plane.
+    fn locate(&self, cell: usize, point: DVec3) -> [f64; 2] {
+        if self.elements[cell].shape != Shape::Triangle {
+            return self.patch(cell).locate(point);
+        }
+        // What a patch does, without the root for its normal.
+        let [a, b, c, _] = self.corners[cell].map(|vertex| self.vertices[vertex as usize]);
+        let (u, v, r) = (b - a, c - a, point - a);
+        let normal = u.cross(v);
+        let square = normal.length_squared();
+        if square > 0.0 { [r.cross(v).dot(normal) / square, u.cross(r).dot(normal) / square] } else { [0.0; 2] }
+    }
+
     /// The place of each cell in an order along a curve that fills space: cells that follow each other are neighbours.
     pub(in crate::exchange) fn order(&self) -> Vec<u32> {
         let lo = self.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
@@ -95,50 +107,6 @@ fn spread(x: f64) -> u64 {
         x = (x | x << shift) & mask;
     }
     x
-}
-
-/// Coefficients with the bands of each side by side: what a ray reads lies in one or two lines of the cache.
-pub(super) struct Interleaved {
-    pub(super) bands: usize,
-    values: Vec<f64>,
-}
-
-impl Interleaved {
-    pub(super) fn new(x: &MultiVector) -> Self {
-        let bands = x.bands();
-        let mut values = vec![0.0; x.rows() * bands];
-        for (band, column) in x.iter_bands().enumerate() {
-            for (row, &value) in column.iter().enumerate() {
-                values[row * bands + band] = value;
-            }
-        }
-        Self { bands, values }
-    }
-
-    /// The function's value at reference coordinates of a cell, for every band.
-    #[inline]
-    pub(super) fn evaluate(&self, cells: &Cells, cell: usize, at: [f64; 2], out: &mut [f64]) {
-        let first = cells.offsets[cell] as usize * self.bands;
-        let element = cells.elements[cell];
-        let dofs = element.dofs();
-        let coefficients = &self.values[first..first + dofs * self.bands];
-        match (dofs, element.shape) {
-            (1, _) => out.copy_from_slice(coefficients),
-            (3, Shape::Triangle) => {
-                let n = [1.0 - at[0] - at[1], at[0], at[1]];
-                for (band, out) in out.iter_mut().enumerate() {
-                    let value = |k: usize| n[k] * coefficients[k * self.bands + band];
-                    *out = value(0) + value(1) + value(2);
-                }
-            }
-            _ => {
-                let n = element.values(at);
-                for (band, out) in out.iter_mut().enumerate() {
-                    *out = (0..dofs).map(|k| n[k] * coefficients[k * self.bands + band]).sum();
-                }
-            }
-        }
-    }
 }
 
 /// Up to so many cells of a side are searched one by one.
@@ -200,9 +168,8 @@ impl Locator {
         };
         let mut best: Option<(f64, u32, [f64; 2])> = None;
         for &cell in candidates {
-            let patch = cells.patch(cell as usize);
-            let at = patch.locate(point);
-            let inside = depth(patch.shape(), at);
+            let at = cells.locate(cell as usize, point);
+            let inside = depth(cells.elements[cell as usize].shape, at);
             if best.is_none_or(|(most, ..)| inside > most) {
                 best = Some((inside, cell, at));
                 if inside >= 0.0 {

@@ -5,8 +5,6 @@
 //! larger than what it is fitted to. The second term is worth one ray. It does not see constants, and it decides what
 //! the rays leave open when most of them went to a lamp.
 
-use super::Table;
-use super::rays::Hit;
 use crate::element::{Element, MAX_DOFS};
 use crate::mesh::Patch;
 use crate::quadrature::rule;
@@ -34,7 +32,7 @@ pub(super) fn variance(mass: &Matrix) -> Matrix {
 
 /// G += w N Nᵀ.
 #[inline]
-pub(super) fn add_outer(gram: &mut Matrix, weight: f64, functions: &[f64; MAX_DOFS]) {
+pub(super) fn add_outer(gram: &mut Matrix, weight: f64, functions: &[f64]) {
     for (row, n) in gram.iter_mut().zip(functions) {
         for (entry, m) in row.iter_mut().zip(functions) {
             *entry += weight * n * m;
@@ -85,51 +83,6 @@ impl Take {
             Self::FirstHalf => 0..k / 2,
             Self::SecondHalf => k / 2..k,
         }
-    }
-}
-
-/// A fit to the rays of one cell.
-pub(super) struct Fitting<'a> {
-    pub(super) table: &'a Table,
-    pub(super) hits: &'a [Hit],
-    pub(super) take: Take,
-    /// The weight of a ray, relative to the others.
-    pub(super) jacobian: &'a dyn Fn(usize) -> f64,
-    pub(super) values: &'a [f64],
-    pub(super) bands: usize,
-}
-
-impl Fitting<'_> {
-    /// The fit to a function at the points of the rays `on`: what the rays `of` among them bring, changed, and zero for
-    /// the others.
-    pub(super) fn fit(
-        &self,
-        on: impl Fn(Hit) -> bool,
-        of: impl Fn(Hit) -> bool,
-        change: impl Fn(Hit, &mut [f64]),
-        out: &mut [f64],
-    ) {
-        let bands = self.bands;
-        let mut gram = self.table.ridge;
-        let mut value = vec![0.0; bands];
-        out.fill(0.0);
-        let share = 1.0 / self.take.of(self.hits.len()).len() as f64;
-        for ray in self.take.of(self.hits.len()) {
-            let (hit, functions) = (self.hits[ray], &self.table.points.functions[ray]);
-            let weight = share * (self.jacobian)(ray);
-            if on(hit) {
-                add_outer(&mut gram, weight, functions);
-            }
-            if of(hit) {
-                value.copy_from_slice(&self.values[ray * bands..(ray + 1) * bands]);
-                change(hit, &mut value);
-                for (out, n) in out.chunks_exact_mut(bands).zip(functions) {
-                    out.iter_mut().zip(&value).for_each(|(out, v)| *out += weight * n * v);
-                }
-            }
-        }
-        let n = self.table.element.dofs();
-        solve(&factor(gram, n), n, bands, out);
     }
 }
 

@@ -29,17 +29,18 @@ mod cells;
 mod fit;
 mod kept;
 mod lamps;
+mod product;
 mod rays;
 
 use super::hierarchical::{Linked, Links};
 use super::{Exchange, ExchangeError, Geometry, Hierarchical, Params, Statistics};
-use crate::element::{Element, MAX_DOFS};
+use crate::element::Element;
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::progress::{Interrupted, Progress};
 use crate::quadrature::sequence::{hash, point};
 pub(super) use cells::Cells;
-use cells::{Interleaved, Locator};
-use fit::{Fitting, Matrix, Take, add_outer, factor, mean_mass, solve, variance};
+use cells::Locator;
+use fit::{Matrix, Take, add_outer, factor, mean_mass, solve, variance};
 use kept::Traced;
 use lamps::{Entry, Lamps, Receivers};
 use rayon::prelude::*;
@@ -86,39 +87,30 @@ struct Table {
     element: &'static Element,
     points: Points,
     receivers: Receivers,
-    /// For each ray, what its value adds to each coefficient: the fit where no ray met a lamp.
-    fit: Vec<[f64; MAX_DOFS]>,
-    /// ∫N_i N_j divided by the area, and λ times the variance.
+    /// ∫N_i N_j divided by the area.
     mass: Matrix,
+    /// λ times the variance.
     ridge: Matrix,
+    /// The mean of N Nᵀ over the rays that [`Take`] takes plus the ridge, and its Cholesky factor.
+    gram: [Matrix; 3],
+    factor: [Matrix; 3],
 }
 
 impl Table {
     fn new(element: &'static Element, rays: u32, seed: u64) -> Self {
         let points = Points::new(element, rays, seed);
-        let (mass, n, weight) = (mean_mass(element, None), element.dofs(), 1.0 / f64::from(rays));
-        let ridge = variance(&mass).map(|row| row.map(|entry| entry * weight));
-        let mut gram = ridge;
-        points.functions.iter().for_each(|functions| add_outer(&mut gram, weight, functions));
-        let l = factor(gram, n);
-        let fit = |functions: &[f64; MAX_DOFS]| {
-            let mut column = functions.map(|value| weight * value);
-            solve(&l, n, 1, &mut column[..n]);
-            column
-        };
-        let fit = points.functions.iter().map(fit).collect();
-        Self { element, points, receivers: Receivers::new(element), fit, mass, ridge }
-    }
-
-    /// The fit to all values of a cell whose points are weighted alike.
-    fn fit_all(&self, work: &mut Work, bands: usize) {
-        work.fit.fill(0.0);
-        let n = self.element.dofs();
-        for (weights, value) in self.fit.iter().zip(work.values.chunks_exact(bands)) {
-            for (fit, weight) in work.fit.chunks_exact_mut(bands).zip(&weights[..n]) {
-                fit.iter_mut().zip(value).for_each(|(fit, v)| *fit += weight * v);
+        let (mass, n) = (mean_mass(element, None), element.dofs());
+        let ridge = variance(&mass).map(|row| row.map(|entry| entry / f64::from(rays)));
+        let gram = [Take::All, Take::FirstHalf, Take::SecondHalf].map(|take| {
+            let mut gram = ridge;
+            let taken = &points.functions[take.of(rays as usize)];
+            for functions in taken {
+                add_outer(&mut gram, 1.0 / taken.len() as f64, &functions[..n]);
             }
-        }
+            gram
+        });
+        let factor = gram.map(|gram| factor(gram, n));
+        Self { element, points, receivers: Receivers::new(element), mass, ridge, gram, factor }
     }
 }
 
@@ -290,99 +282,6 @@ impl Sampled {
         Traced { hits: if keep { hits } else { Vec::new() }, direct, rays, area, lost }
     }
 
-    /// y = S x, by the rays that `of` takes: all, or the even or odd ones.
-    fn apply_with(&self, x: &MultiVector, y: &mut MultiVector, take: Take) {
-        let bands = x.bands();
-        let source = Source { x: Interleaved::new(x), means: self.lamps.means(&self.cells, x) };
-        self.by_rows(bands, y, |cell, index, work| {
-            self.row(cell, index, &source, take, work);
-        });
-        if let Some(linked) = self.through_links(x) {
-            y.add_scaled(1.0, &linked);
-        }
-    }
-
-    /// Calls `row` for every cell with its place in its chunk, and collects the results.
-    fn by_rows(&self, bands: usize, y: &mut MultiVector, row: impl Fn(usize, usize, &mut Work) + Sync) {
-        let results: Vec<Vec<f64>> = (0..self.direct.len())
-            .into_par_iter()
-            .map(|chunk| {
-                let mut out = Vec::with_capacity(self.chunk(chunk).len() * 3 * bands);
-                let mut work = Work::new(self.rays as usize, bands);
-                for (index, cell) in self.chunk(chunk).enumerate() {
-                    row(cell, index, &mut work);
-                    out.extend_from_slice(&work.result[..self.cells.element(cell).dofs() * bands]);
-                }
-                out
-            })
-            .collect();
-        for band in 0..bands {
-            let column = y.band_mut(band);
-            let values = results.iter().flat_map(|result| result[band..].iter().step_by(bands));
-            column.iter_mut().zip(values).for_each(|(y, &value)| *y = value);
-        }
-    }
-
-    /// The rows of one cell: `work.result` = Δ e.
-    fn row(&self, cell: usize, index: usize, source: &Source, take: Take, work: &mut Work) {
-        let (table, bands, k) = (self.table(cell), source.x.bands, self.rays as usize);
-        let mut cast = std::mem::take(&mut work.hits);
-        let hits = if let Some(stored) = self.stored.get(cell / CHUNK) {
-            &stored[index * k..(index + 1) * k]
-        } else {
-            self.tracer.trace(&self.cells, cell, &table.points, self.linked_with(cell), &mut cast);
-            &cast[..]
-        };
-        let free = hits[take.of(k)].iter().any(|hit| !hit.is_lamp() && !hit.is_linked());
-        // Where links and lamps bring all, but for rounding and their errors, what is left is as the links' rays see it.
-        let counts = |hit: Hit| !(hit.is_lamp() || (free && hit.is_linked()));
-        let [meets_lamp, all] = self.bring_back(hits, source, counts, work);
-        let patch = self.cells.patch(cell);
-        let affine = patch.is_affine();
-        if affine && all && take == Take::All {
-            table.fit_all(work, bands);
-        } else {
-            let jacobian = |ray: usize| if affine { 1.0 } else { patch.jacobian(table.points.at[ray]) / patch.area() };
-            let fitting = Fitting { table, hits, take, jacobian: &jacobian, values: &work.values, bands };
-            fitting.fit(counts, counts, |_, _| (), &mut work.fit);
-            let less_mean = |hit: Hit, value: &mut [f64]| {
-                let lamp = self.lamps.of(hit.cell()).unwrap_or(0);
-                value.iter_mut().zip(&source.means[lamp * bands..]).for_each(|(v, mean)| *v -= mean);
-            };
-            if meets_lamp {
-                fitting.fit(|_| true, Hit::is_lamp, less_mean, &mut work.rest);
-            }
-        }
-        work.hits = cast;
-        self.combine(cell, index, &source.means, meets_lamp, work);
-        self.integrate(cell, bands, work);
-    }
-
-    /// `work.result` = Δ `work.fit`.
-    fn integrate(&self, cell: usize, bands: usize, work: &mut Work) {
-        let (table, patch) = (self.table(cell), self.cells.patch(cell));
-        let own = (!patch.is_affine()).then(|| mean_mass(table.element, Some(&patch)));
-        let mass = own.as_ref().unwrap_or(&table.mass);
-        multiply(mass, patch.area(), table.element.dofs(), bands, &work.fit, &mut work.result);
-    }
-
-    /// The values of the rays that count and of those from lamps, into `work.values`; whether any comes from a lamp, and
-    /// whether all count.
-    fn bring_back(&self, hits: &[Hit], source: &Source, counts: impl Fn(Hit) -> bool, work: &mut Work) -> [bool; 2] {
-        let (mut meets_lamp, mut all) = (false, true);
-        for (&hit, value) in hits.iter().zip(work.values.chunks_exact_mut(source.x.bands)) {
-            let counts = counts(hit);
-            all &= counts;
-            meets_lamp |= hit.is_lamp();
-            if hit.is_lost() {
-                value.fill(0.0);
-            } else if counts || hit.is_lamp() {
-                source.x.evaluate(&self.cells, hit.cell(), hit.at(), value);
-            }
-        }
-        [meets_lamp, all]
-    }
-
     /// The value of one band where a ray ended.
     fn value(&self, column: &[f64], hit: Hit) -> f64 {
         if hit.is_lost() {
@@ -390,27 +289,6 @@ impl Sampled {
         }
         let functions = self.cells.element(hit.cell()).values(hit.at());
         column[self.cells.range(hit.cell())].iter().zip(functions).map(|(x, n)| x * n).sum()
-    }
-
-    /// e = Σ f_l mean_l + (1 − Σ f_l − D 1) ē + rest, into `work.fit`, which holds ē.
-    fn combine(&self, cell: usize, index: usize, means: &[f64], rest: bool, work: &mut Work) {
-        let bands = work.result.len() / MAX_DOFS;
-        let (first, entries) = &self.direct[cell / CHUNK];
-        let entries = &entries[first[index] as usize..first[index + 1] as usize];
-        for (k, fit) in work.fit.chunks_exact_mut(bands).enumerate() {
-            let linked = self.linked.get(self.cells.range(cell).start + k).copied().unwrap_or(0.0);
-            let seen: f64 = linked + entries.iter().map(|entry| f64::from(entry.values[k])).sum::<f64>();
-            for fit in fit.iter_mut() {
-                *fit *= 1.0 - seen;
-            }
-            for entry in entries {
-                let means = &means[entry.lamp as usize * bands..];
-                fit.iter_mut().zip(means).for_each(|(fit, mean)| *fit += f64::from(entry.values[k]) * mean);
-            }
-            if rest {
-                fit.iter_mut().zip(&work.rest[k * bands..]).for_each(|(fit, rest)| *fit += rest);
-            }
-        }
     }
 }
 
@@ -450,44 +328,6 @@ fn rays_for(tolerance: f64, share: f64) -> u32 {
     (wanted.clamp(f64::from(RAYS[0]), f64::from(RAYS[1])).ceil() as u32).next_power_of_two()
 }
 
-/// What is applied to.
-struct Source {
-    x: Interleaved,
-    /// For each lamp, its mean in every band.
-    means: Vec<f64>,
-}
-
-/// Memory for one row at a time.
-struct Work {
-    hits: Vec<Hit>,
-    values: Vec<f64>,
-    fit: Vec<f64>,
-    rest: Vec<f64>,
-    result: Vec<f64>,
-}
-
-impl Work {
-    fn new(rays: usize, bands: usize) -> Self {
-        let coefficients = vec![0.0; MAX_DOFS * bands];
-        Self {
-            hits: vec![Hit::LOST; rays],
-            values: vec![0.0; rays * bands],
-            fit: coefficients.clone(),
-            rest: coefficients.clone(),
-            result: coefficients,
-        }
-    }
-}
-
-/// y = a M x for the bands of n rows side by side.
-fn multiply(mass: &Matrix, a: f64, n: usize, bands: usize, x: &[f64], y: &mut [f64]) {
-    for (row, y) in mass[..n].iter().zip(y.chunks_exact_mut(bands)) {
-        for (band, y) in y.iter_mut().enumerate() {
-            *y = a * (0..n).map(|j| row[j] * x[j * bands + band]).sum::<f64>();
-        }
-    }
-}
-
 impl LinearOperator for Sampled {
     fn rows(&self) -> usize {
         self.cells.unknowns()
@@ -520,17 +360,7 @@ impl Exchange for Sampled {
     }
 
     fn steady(&self, x: &MultiVector) -> Option<MultiVector> {
-        let means = self.lamps.means(&self.cells, x);
-        let mut y = MultiVector::zeros(self.rows(), x.bands());
-        self.by_rows(x.bands(), &mut y, |cell, index, work| {
-            work.fit.fill(0.0);
-            self.combine(cell, index, &means, false, work);
-            self.integrate(cell, x.bands(), work);
-        });
-        if let Some(linked) = self.through_links(x) {
-            y.add_scaled(1.0, &linked);
-        }
-        Some(y)
+        Some(self.without_rays(x))
     }
 
     fn spread(&self, x: &MultiVector) -> Option<MultiVector> {
