@@ -152,7 +152,7 @@ fn error(lines: &mut Lines, report: &Report) {
         ),
     );
     lines.more(&format!(
-        "from data {}, discretisation {}; operator {}, solver {:.0e}",
+        "from data {}, discretisation {}, computation {} (solver {:.0e})",
         percent(error.data),
         percent(error.discretisation),
         percent(error.operator),

@@ -160,11 +160,12 @@ pub struct ErrorReport {
     pub propagated: f64,
     /// Of the residual, what textures lose by projection.
     pub data: f64,
-    /// Of the residual, the rest: elements too large for the light on them.
+    /// Of the residual, the rest: elements too large for the light on them, and the operator's part.
     pub discretisation: f64,
     /// The emitted over the leaving power.
     pub absorption: f64,
-    /// The operator's part: quadrature and visibility.
+    /// Computation, the operator's part: what its errors of quadrature and visibility change of the reflected light, in the norm
+    /// of the others.
     pub operator: f64,
     /// The solver's part.
     pub solver: f64,

@@ -183,6 +183,29 @@ fn memory_does_not_change_a_bit() {
     assert!(recast.operator.bytes < stored.operator.bytes);
 }
 
+/// What errors of pairs say of the light is not less than what comes of it, and little more than ten times as much: in an
+/// empty room errors of quadrature are given so that none is greater, and joining averages them.
+#[test]
+fn the_errors_of_pairs_tell_the_error_of_the_light() {
+    let kind = exchange::kind(exchange::Dense::NAME).expect("a kind");
+    for basis in [&BASES[1], &BASES[3]] {
+        let scene = room(0.6, [0.0, 100.0]);
+        let rough = Options { tolerance: 0.1, ..options(kind, basis) };
+        let coarse = solve(&scene, &rough, &Silent).expect("solved");
+        let fine = solve(&scene, &Options { tolerance: 1e-3, ..rough }, &Silent).expect("solved").solution;
+        let mass = hatbox::assemble::mass(&fine.scene, &fine.space);
+        let emitted = mass.inverse().expect("areas").times(&hatbox::assemble::load(&fine.scene, &fine.space));
+        let distance = |from: &MultiVector| {
+            let mut difference = fine.radiosity.clone();
+            difference.add_scaled(-1.0, from);
+            difference.dot(&mass.times(&difference))[0].sqrt()
+        };
+        let truth = distance(&coarse.solution.radiosity) / distance(&emitted);
+        let estimate = System::build(&scene, &rough, &Silent).expect("built").operator_error(&coarse.solution);
+        assert!(estimate > truth && estimate < 20.0 * truth, "{}: {estimate} {truth}", basis.name);
+    }
+}
+
 /// The spread of two halves of the rays is an honest estimate of the operator's error: between a fifth and five times the
 /// difference to an operator of sixteen times the rays.
 #[test]

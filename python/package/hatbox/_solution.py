@@ -78,11 +78,11 @@ class ErrorEstimate:
     data: float
     """Of the residual, what textures lose by projection."""
     discretisation: float
-    """Of the residual, the rest: elements too large for the light on them."""
+    """Of the residual, the rest: elements too large for the light on them, and the operator's part."""
     absorption: float
     """The emitted over the leaving power."""
     operator: float
-    """Relative error of the operator: quadrature and visibility."""
+    """What the operator's errors (quadrature and visibility) change of the reflected light, in the same norm."""
     solver: float
     """Relative residual that the solver left."""
 

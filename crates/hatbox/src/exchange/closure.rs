@@ -230,6 +230,10 @@ impl Exchange for Balanced {
         self.exchange.spread(x)
     }
 
+    fn row_errors(&self) -> Option<&[f64]> {
+        self.exchange.row_errors()
+    }
+
     fn irradiance(&self, cell: usize, at: [f64; 2], x: &MultiVector, seed: u64) -> Option<Vec<f64>> {
         self.exchange.irradiance(cell, at, x, seed)
     }

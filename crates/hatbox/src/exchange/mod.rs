@@ -83,6 +83,12 @@ pub trait Exchange: LinearOperator + Send {
         None
     }
 
+    /// For each cell the estimated error of its irradiance, relative to the mean radiosity: that of the scene that the operator
+    /// was built for, if errors of pairs are independent. `None` where they are not known; see [`spread`](Self::spread).
+    fn row_errors(&self) -> Option<&[f64]> {
+        None
+    }
+
     /// The irradiance at one point of a cell (reference coordinates `at`) per band, gathered with rays of its own that
     /// `seed` chooses; `None` if the operator cannot do that.
     fn irradiance(&self, _cell: usize, _at: [f64; 2], _x: &MultiVector, _seed: u64) -> Option<Vec<f64>> {

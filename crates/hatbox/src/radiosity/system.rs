@@ -197,16 +197,41 @@ impl System {
         solve::Params { max_iterations: params.max_iterations.max((bounces as usize).min(MOST_BOUNCES)), ..params }
     }
 
-    /// The relative L2 error of the irradiance that the operator makes, from two halves of its samples where it is
-    /// sampled, else as estimated when it was built.
+    /// The relative L2 error of the reflected light that the operator makes, the worst band's: the norm of
+    /// [`operator_spread`](Self::operator_spread).
     pub fn operator_error(&self, solution: &Solution) -> f64 {
-        let Some(spread) = self.exchange.spread(&solution.radiosity) else {
-            return self.exchange.statistics().error();
-        };
-        let spread = self.irradiance_of(&spread);
+        let mut light = self.reflected_once_more(solution);
+        light.add_scaled(-1.0, &self.projected_emission());
         let norms = |x: &MultiVector| x.dot(&self.mass.times(x));
         let relative = |(error, norm): (f64, f64)| if norm > 0.0 { (error / norm).sqrt() } else { 0.0 };
-        norms(&spread).into_iter().zip(norms(&solution.irradiance)).map(relative).fold(0.0, f64::max)
+        norms(&self.operator_spread(solution)).into_iter().zip(norms(&light)).map(relative).fold(0.0, f64::max)
+    }
+
+    /// A function as large as the error of the reflected light that the operator makes, in the broken space.
+    ///
+    /// Where the operator is sampled, it is what two halves of its samples differ by. Else the errors of pairs are known,
+    /// and taken to be independent: the irradiance of a cell errs by the root of the sum of their squares, each as strong as
+    /// the light that it concerns. What errors cause by reflection is not in it; it is less, since they average out.
+    pub fn operator_spread(&self, solution: &Solution) -> MultiVector {
+        let irradiance = match (self.exchange.spread(&solution.radiosity), self.exchange.row_errors()) {
+            (Some(spread), _) => self.irradiance_of(&spread),
+            (None, Some(errors)) => self.of_row_errors(errors, solution),
+            (None, None) => MultiVector::zeros(solution.radiosity.rows(), solution.bands()),
+        };
+        self.mass_inverse.times(&weighted_mass(&self.scene, &self.space).times(&irradiance))
+    }
+
+    /// The errors of rows, constant on each cell and relative to the mean radiosity.
+    fn of_row_errors(&self, errors: &[f64], solution: &Solution) -> MultiVector {
+        let (left, area) = (self.mass.times(&solution.radiosity), self.scene.mesh.area());
+        let mut irradiance = MultiVector::zeros(left.rows(), left.bands());
+        for band in 0..left.bands() {
+            let mean = left.band(band).iter().sum::<f64>() / area;
+            for (cell, error) in errors.iter().enumerate() {
+                irradiance.band_mut(band)[self.space.range(cell)].fill(mean * error);
+            }
+        }
+        irradiance
     }
 
     /// Conjugate gradients where S is symmetric and R constant on every element, GMRES elsewhere.

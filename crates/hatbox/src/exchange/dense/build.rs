@@ -28,7 +28,7 @@ pub(super) fn build(geometry: &Geometry<'_>, params: &Params, progress: &dyn Pro
         batch: &Batch::new(&ordered),
         panels: &ordered,
         tree: &tree,
-        params,
+        strengths: &tree.order.iter().map(|&panel| params.strength(panel as usize)).collect::<Vec<_>>(),
         accuracy: params.accuracy(geometry.panels()),
         offsets: &dense.offsets,
         limits: None,
@@ -44,6 +44,8 @@ pub(super) fn build(geometry: &Geometry<'_>, params: &Params, progress: &dyn Pro
         total.replace(&mended, &limits);
     }
     let rows = || strands.iter().flat_map(|strand| &strand.runs).flat_map(|run| &run.values);
+    let errors = total.row_errors(&ordered, builder.strengths);
+    dense.row_errors = dense.place.iter().map(|&place| errors[place as usize]).collect();
     dense.statistics = total.statistics(&ordered, rows().map(|row| size_of_val(&row[..])).sum());
     let mut runs: Vec<Run> = strands.into_iter().flat_map(|strand| strand.runs).collect();
     runs.sort_unstable_by_key(|run| run.range.start);
@@ -72,7 +74,8 @@ struct Builder<'a> {
     /// In the tree's order.
     panels: &'a [&'a Panel],
     tree: &'a Tree,
-    params: &'a Params,
+    /// Of the light of each.
+    strengths: &'a [f64],
     accuracy: Accuracy,
     offsets: &'a [usize],
     /// If given, only partially hidden pairs in one of these rows are integrated.
@@ -217,12 +220,13 @@ impl Builder<'_> {
     }
 
     fn partial(&self, places: [usize; 2], facing: &Facing, between: Between<'_>, rows: &mut Rows<'_>) {
-        let [on_i, on_j] = places.map(|place| self.params.strength(self.tree.order[place] as usize));
-        let ([a, b], weights) = (places.map(|place| self.panels[place]), [on_j, on_i]);
+        let strengths = places.map(|place| self.strengths[place]);
+        // What reaches the one is as strong as the other.
+        let ([a, b], weights) = (places.map(|place| self.panels[place]), [strengths[1], strengths[0]]);
         let shadows = self.limits.map_or(self.accuracy.shadows, |limits| limits.of_pair(places));
         let accuracy = Accuracy { shadows, ..self.accuracy };
         let block = self.views.block([a, b], facing, between, weights, &accuracy);
-        rows.sums.note_partial(places, &block, accuracy.shadow_scale(a, b, weights, block.sum()));
+        rows.sums.note_partial(places, strengths, &block, accuracy.shadow_scale(a, b, weights, block.sum()));
         rows.put(self, places, &block);
     }
 
@@ -245,7 +249,7 @@ impl Builder<'_> {
             let (a, b) = (self.panels[i], self.panels[j]);
             let Some(facing) = Facing::new(&a.patch, &b.patch) else { continue };
             let block = facing_block(a, b, &facing, Sight::Clear, [1.0; 2], &self.accuracy);
-            rows.sums.note_clear([i, j], &block);
+            rows.sums.note_clear([i, j], [i, j].map(|place| self.strengths[place]), &block);
             rows.put(self, [i, j], &block);
         }
     }
@@ -269,10 +273,7 @@ impl Rows<'_> {
             self.sums.pairs += LANES as u64;
             self.sums.clear_pairs += LANES as u64;
             self.run.values[i - self.run.range.start][first - i..][..LANES].copy_from_slice(&found.values[0]);
-            self.sums.clear[i] += found.errors.iter().sum::<f64>();
-            for (sum, error) in self.sums.clear[first..first + LANES].iter_mut().zip(&found.errors) {
-                *sum += error;
-            }
+            self.sums.note_errors(i, first, builder.strengths, &found.errors);
             return;
         }
         let start = offsets[i];
@@ -283,8 +284,7 @@ impl Rows<'_> {
         self.sums.clear_pairs += u64::from(found.done.count_ones());
         for lane in (0..LANES).filter(|lane| found.done >> lane & 1 == 1) {
             let j = first + lane;
-            self.sums.clear[i] += found.errors[lane];
-            self.sums.clear[j] += found.errors[lane];
+            self.sums.note_error([i, j], [i, j].map(|place| builder.strengths[place]), found.errors[lane]);
             let columns = offsets[j + 1] - offsets[j];
             for k in 0..rows {
                 for l in 0..columns {

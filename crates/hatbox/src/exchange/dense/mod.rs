@@ -36,6 +36,8 @@ pub struct Dense {
     unknowns: Vec<u32>,
     /// For each place, its rows from its own first column on.
     rows: Vec<Vec<f64>>,
+    /// See [`Exchange::row_errors`].
+    row_errors: Vec<f64>,
     statistics: Statistics,
 }
 
@@ -74,7 +76,7 @@ impl Dense {
             unknowns.extend(first[cell as usize]..first[cell as usize + 1]);
             offsets.push(unknowns.len());
         }
-        Self { place, offsets, unknowns, rows: Vec::new(), statistics: Statistics::default() }
+        Self { place, offsets, unknowns, rows: Vec::new(), row_errors: Vec::new(), statistics: Statistics::default() }
     }
 
     /// The sum of the block of two cells, A_i F_ij for the constants' view factor: by symmetry either way round.
@@ -192,5 +194,9 @@ impl Exchange for Dense {
 
     fn statistics(&self) -> Statistics {
         self.statistics
+    }
+
+    fn row_errors(&self) -> Option<&[f64]> {
+        Some(&self.row_errors)
     }
 }

@@ -14,7 +14,9 @@ const LEAST: f64 = 0.25;
 /// Counts, and the errors of the row of each place.
 pub(super) struct Sums {
     /// Errors of quadrature of pairs that are clear.
-    pub(super) clear: Vec<f64>,
+    clear: Vec<f64>,
+    /// Σ of their squares, each times that of the strength of the other panel's light.
+    squares: Vec<f64>,
     /// What is known of partially hidden pairs; empty if there are none.
     partial: Partial,
     pub(super) rays: u64,
@@ -29,19 +31,22 @@ struct Partial {
     quadrature: Vec<f64>,
     /// Σ of the squares of the errors of visibility, which are independent.
     visibility: Vec<f64>,
+    /// Σ of the squares of both, each times that of the strength of the other panel's light.
+    squares: Vec<f64>,
     /// Σ of what errors are counted in.
     scale: Vec<f64>,
 }
 
 impl Sums {
     pub(super) fn new(cells: usize) -> Self {
-        Self { clear: vec![0.0; cells], partial: Partial::default(), rays: 0, pairs: 0, clear_pairs: 0 }
+        let zeros = vec![0.0; cells];
+        Self { clear: zeros.clone(), squares: zeros, partial: Partial::default(), rays: 0, pairs: 0, clear_pairs: 0 }
     }
 
     pub(super) fn add(&mut self, other: &Self) {
         self.partial.make(other.partial.scale.len());
-        for (sums, others) in [(&mut self.clear, &other.clear)].into_iter().chain(self.partial.columns(&other.partial))
-        {
+        let clear = [(&mut self.clear, &other.clear), (&mut self.squares, &other.squares)];
+        for (sums, others) in clear.into_iter().chain(self.partial.columns(&other.partial)) {
             sums.iter_mut().zip(others).for_each(|(sum, x)| *sum += x);
         }
         self.rays += other.rays;
@@ -49,33 +54,65 @@ impl Sums {
         self.clear_pairs += other.clear_pairs;
     }
 
-    pub(super) fn note_clear(&mut self, places: [usize; 2], block: &Block) {
+    /// `strengths` are those of the panels at two places.
+    pub(super) fn note_clear(&mut self, places: [usize; 2], strengths: [f64; 2], block: &Block) {
         let seen = sees(block);
         (self.pairs, self.clear_pairs) = (self.pairs + seen, self.clear_pairs + seen);
-        for place in places {
-            self.clear[place] += block.quadrature_error;
+        self.note_error(places, strengths, block.quadrature_error);
+    }
+
+    /// The error of a clear pair.
+    pub(super) fn note_error(&mut self, places: [usize; 2], [on_j, on_i]: [f64; 2], error: f64) {
+        for (place, strength) in places.into_iter().zip([on_i, on_j]) {
+            self.clear[place] += error;
+            self.squares[place] += (strength * error).powi(2);
         }
     }
 
+    /// The errors of pairs of a place with as many that follow each other, and nothing but errors of pairs that are clear.
+    pub(super) fn note_errors(&mut self, i: usize, first: usize, strengths: &[f64], errors: &[f64]) {
+        let columns = self.clear[first..].iter_mut().zip(&mut self.squares[first..]);
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for ((error, strength), (clear, square)) in errors.iter().zip(&strengths[first..]).zip(columns) {
+            *clear += error;
+            *square += (strengths[i] * error).powi(2);
+            sum += error;
+            squares += (strength * error).powi(2);
+        }
+        self.clear[i] += sum;
+        self.squares[i] += squares;
+    }
+
     /// `scale` is what the pair's error is counted in.
-    pub(super) fn note_partial(&mut self, places: [usize; 2], block: &Block, scale: f64) {
+    pub(super) fn note_partial(&mut self, places: [usize; 2], [on_j, on_i]: [f64; 2], block: &Block, scale: f64) {
         self.partial.make(self.clear.len());
         self.pairs += sees(block);
         self.rays += u64::from(block.rays);
-        for place in places {
+        let square = block.quadrature_error.powi(2) + block.visibility_error.powi(2);
+        for (place, strength) in places.into_iter().zip([on_i, on_j]) {
             // That no light came through is an estimate, too.
             self.partial.quadrature[place] += block.quadrature_error;
             self.partial.visibility[place] += block.visibility_error.powi(2);
+            self.partial.squares[place] += strength * strength * square;
             self.partial.scale[place] += scale;
         }
     }
 
     /// Puts the errors of rows that were limited in the place of those they had.
     pub(super) fn replace(&mut self, mended: &Self, limits: &Limits) {
-        let mended = mended.partial.quadrature.iter().zip(&limits.of);
-        for (error, (&new, _)) in self.partial.quadrature.iter_mut().zip(mended).filter(|(_, (_, of))| of.is_finite()) {
-            *error = new;
+        for place in (0..limits.of.len()).filter(|&place| limits.of[place].is_finite()) {
+            self.partial.quadrature[place] = mended.partial.quadrature[place];
+            self.partial.squares[place] = mended.partial.squares[place];
         }
+    }
+
+    /// For each place the root of the sum of the squares of its pairs' errors, as an error of its irradiance relative to the
+    /// mean strength. Pairs report errors that few exceed, two standard errors; here one counts.
+    pub(super) fn row_errors(&self, panels: &[&Panel], strengths: &[f64]) -> Vec<f64> {
+        let areas = || panels.iter().map(|panel| panel.area());
+        let mean = areas().zip(strengths).map(|(area, s)| area * s).sum::<f64>() / areas().sum::<f64>();
+        let square = |place: usize| self.squares[place] + self.partial.squares.get(place).copied().unwrap_or(0.0);
+        areas().enumerate().map(|(place, area)| 0.5 * square(place).sqrt() / (area * mean)).collect()
     }
 
     pub(super) fn statistics(&self, panels: &[&Panel], bytes: usize) -> Statistics {
@@ -103,16 +140,17 @@ fn sees(block: &Block) -> u64 {
 impl Partial {
     fn make(&mut self, cells: usize) {
         if self.scale.len() < cells {
-            for column in [&mut self.quadrature, &mut self.visibility, &mut self.scale] {
+            for column in [&mut self.quadrature, &mut self.visibility, &mut self.squares, &mut self.scale] {
                 column.resize(cells, 0.0);
             }
         }
     }
 
-    fn columns<'a>(&'a mut self, other: &'a Self) -> [(&'a mut Vec<f64>, &'a Vec<f64>); 3] {
+    fn columns<'a>(&'a mut self, other: &'a Self) -> [(&'a mut Vec<f64>, &'a Vec<f64>); 4] {
         [
             (&mut self.quadrature, &other.quadrature),
             (&mut self.visibility, &other.visibility),
+            (&mut self.squares, &other.squares),
             (&mut self.scale, &other.scale),
         ]
     }
