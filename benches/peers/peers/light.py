@@ -42,7 +42,10 @@ def _hatbox(job: Lit, quick: bool) -> Iterator[Row]:
         if row.seconds > LONG:
             break
     for tolerance in (0.5,) if quick else (0.5, 0.2, 0.1, 0.05, 0.02):
-        yield _row(job, "direct light at points", f"{tolerance:g}", direct=True, tolerance=tolerance)
+        yield _row(job, "tolerance, direct light", f"{tolerance:g}", direct=True, tolerance=tolerance)
+    for elements in () if quick else (100, 250, 500):
+        setting = f"{elements} elements"
+        yield _row(job, "quadratic, direct light", setting, direct=True, basis="quadratic", elements=elements, error_points=0)
     for basis, elements in meshes:
         yield _row(job, basis, f"{elements} elements", basis=basis, elements=elements, error_points=0)
 

@@ -160,25 +160,32 @@ def _plot(rows: list[Row], keys: tuple[str, ...], what: str, path: Path) -> None
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import LogLocator
 
     jobs = list(dict.fromkeys(row.job for row in rows))
     size = (5.2 * len(jobs), 3.6 * len(keys))
     figure, grid = plt.subplots(len(keys), len(jobs), figsize=size, layout="constrained", squeeze=False, sharex="col")
     colors = {tool: f"C{k}" for k, tool in enumerate(dict.fromkeys(row.tool for row in rows))}
-    styles = ["o-", "s--", "^:", "v-."]
+    styles = ["o-", "s--", "D-", "^:", "v-."]
     for (line, key), (column, job) in ((a, b) for a in enumerate(keys) for b in enumerate(jobs)):
         ax, used = grid[line, column], dict.fromkeys(colors, 0)
         for tool, label, mine in _series([row for row in rows if row.job == job]):
             times, errors = [row.cpu_seconds for row in mine], [100 * row.errors[key] for row in mine]
             look = {"color": colors[tool], "markersize": 4, "linewidth": 1.2, "label": label}
-            ax.loglog(times, errors, styles[used[tool] % 4], **look)
+            ax.loglog(times, errors, styles[used[tool] % len(styles)], **look)
             used[tool] += 1
         ax.grid(visible=True, which="both", alpha=0.2)
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_locator(LogLocator(subs=(2, 5)))
+            axis.set_minor_formatter("{x:g}")
+        ax.tick_params(which="both", labelsize=7)
         ax.set_ylabel(f"relative error of the {what}, {key} (%)", fontsize=9)
         if line == 0:
             ax.set_title(job)
-            ax.legend(fontsize=7)
         if line == len(keys) - 1:
             ax.set_xlabel("seconds of all processors")
+    known = {label: line for ax in grid.flat for line, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    figure.legend(known.values(), known.keys(), loc="outside lower center", ncols=4, fontsize=7)
     figure.savefig(path, dpi=110)
     plt.close(figure)
