@@ -44,8 +44,8 @@ def _hatbox(job: Lit, quick: bool) -> Iterator[Row]:
     for tolerance in (0.5,) if quick else (0.5, 0.2, 0.1, 0.05, 0.02):
         yield _row(job, "tolerance, direct light", f"{tolerance:g}", direct=True, tolerance=tolerance)
     for elements in () if quick else (100, 250, 500):
-        setting = f"{elements} elements"
-        yield _row(job, "quadratic, direct light", setting, direct=True, basis="quadratic", elements=elements, error_points=0)
+        options = {"direct": True, "basis": "quadratic", "elements": elements, "error_points": 0}
+        yield _row(job, "quadratic, direct light", f"{elements} elements", **options)  # type: ignore[arg-type]
     for basis, elements in meshes:
         yield _row(job, basis, f"{elements} elements", basis=basis, elements=elements, error_points=0)
 
