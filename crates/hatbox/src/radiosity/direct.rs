@@ -46,14 +46,16 @@ impl<'a> Direct<'a> {
     pub fn new(solution: &'a Solution) -> Self {
         let (scene, space) = (&solution.scene, &solution.space);
         let all = strengths(scene);
-        let cells: Vec<usize> = (0..all.len()).filter(|&cell| all[cell] > 1.0).collect();
+        // Cells without area have no projections: nothing is put in the place of what cannot be taken out.
+        let mass_inverse = mass(scene, space).inverse();
+        let cells: Vec<usize> = (0..all.len()).filter(|&cell| all[cell] > 1.0 && mass_inverse.is_some()).collect();
         Self {
             panels: cells.iter().map(|&cell| Panel::of_cell(&scene.mesh, space, cell)).collect(),
             strengths: cells.iter().map(|&cell| all[cell]).collect(),
             cells,
             occluders: Occluders::new(&scene.surfaces),
             blockers: Bvh::of_surfaces(&scene.surfaces),
-            mass_inverse: mass(scene, space).inverse(),
+            mass_inverse,
             accuracy: Accuracy::new(TOLERANCE, scene.mesh.area()),
             solution,
         }
@@ -79,7 +81,6 @@ impl<'a> Direct<'a> {
                 }
             }
         }
-        // A cell without area has no inverse, and no light.
         let Some(inverse) = &self.mass_inverse else { return Projected(vec![0.0; bands * dofs]) };
         let rows = inverse.block(0, cell).chunks_exact(dofs);
         let of = |arrived: &[f64]| rows.clone().map(|row| row.iter().zip(arrived).map(|(m, s)| m * s).sum()).collect();
