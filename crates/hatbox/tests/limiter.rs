@@ -14,21 +14,6 @@ use hatbox::radiosity::{Options, Shown, Solution, solve};
 use hatbox::scene::{Material, Physics, Quantity, Scene};
 use hatbox::space::{Continuity, FunctionSpace};
 
-/// A floor under a small lamp, with a sheet between them that throws a hard shadow.
-fn shadow() -> Scene {
-    let mut mesh = Mesh::default();
-    let square = |z: f64, s: f64, up: bool| {
-        let corners = [(-s, -s), (s, -s), (s, s), (-s, s)].map(|(x, y)| DVec3::new(x, y, z));
-        if up { corners } else { [corners[0], corners[3], corners[2], corners[1]] }
-    };
-    meshes::face(&mut mesh, &square(0.0, 1.0, true), 0);
-    meshes::face(&mut mesh, &square(0.3, 0.33, true), 2);
-    meshes::face(&mut mesh, &square(1.0, 0.05, false), 1);
-    let lamp = Material { exitance: Quantity::gray(100.0), ..Material::diffuse("lamp", 0.0) };
-    let materials = vec![Material::diffuse("floor", 0.5), lamp, Material::diffuse("sheet", 0.0)];
-    Scene::new(mesh, materials, Physics::Light, None).expect("valid")
-}
-
 fn integrals(solution: &Solution, field: &MultiVector) -> Vec<f64> {
     let integrals = mass(&solution.scene, &solution.space).times(field);
     integrals.iter_bands().map(|band| band.iter().sum()).collect()
@@ -49,7 +34,7 @@ fn limiting_keeps_the_power_and_leaves_nothing_negative_in_any_basis() {
                 error_points: 0,
                 ..Options::default()
             };
-            let solution = solve(&shadow(), &options, &Silent).expect("solved").solution;
+            let solution = solve(&meshes::shadow::scene(), &options, &Silent).expect("solved").solution;
             let shown = limited(&solution);
             let name = format!("{continuity} {}", basis.name);
             for (before, after) in [(&solution.radiosity, &shown.radiosity), (&solution.irradiance, &shown.irradiance)]
@@ -66,7 +51,7 @@ fn limiting_keeps_the_power_and_leaves_nothing_negative_in_any_basis() {
 #[test]
 fn the_expansion_itself_does_ring_next_to_a_hard_shadow() {
     let options = Options { refinement: Refinement::Elements(300), error_points: 0, ..Options::default() };
-    let solution = solve(&shadow(), &options, &Silent).expect("solved").solution;
+    let solution = solve(&meshes::shadow::scene(), &options, &Silent).expect("solved").solution;
     assert!(least(&solution.radiosity) < 0.0, "otherwise the other test shows nothing");
 }
 

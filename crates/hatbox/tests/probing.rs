@@ -5,35 +5,14 @@ mod meshes;
 
 use glam::DVec3;
 use hatbox::element::ALL;
-use hatbox::mesh::{Mesh, Refinement};
+use hatbox::mesh::Refinement;
 use hatbox::probe::Probe;
 use hatbox::progress::{Interrupted, Progress, Silent};
 use hatbox::quadrature::rule;
 use hatbox::radiosity::{Options, Solution, solve};
-use hatbox::scene::{Material, Physics, Quantity, Scene};
+use hatbox::scene::Quantity;
+use meshes::shadow::{EXITANCE, LAMP, SHEET, scene};
 use std::f64::consts::PI;
-
-/// Half the edge of the lamp.
-const LAMP: f64 = 0.05;
-/// Half the edge of the sheet, and its height.
-const SHEET: [f64; 2] = [0.33, 0.3];
-const EXITANCE: f64 = 100.0;
-
-/// A floor under a small lamp one metre above, with a sheet between. All light on the floor is the lamp's: what the floor
-/// reflects is absorbed.
-fn scene() -> Scene {
-    let mut mesh = Mesh::default();
-    let square = |z: f64, s: f64, up: bool| {
-        let corners = [(-s, -s), (s, -s), (s, s), (-s, s)].map(|(x, y)| DVec3::new(x, y, z));
-        if up { corners } else { [corners[0], corners[3], corners[2], corners[1]] }
-    };
-    meshes::face(&mut mesh, &square(0.0, 1.0, true), 0);
-    meshes::face(&mut mesh, &square(SHEET[1], SHEET[0], true), 2);
-    meshes::face(&mut mesh, &square(1.0, LAMP, false), 1);
-    let lamp = Material { exitance: Quantity::gray(EXITANCE), ..Material::diffuse("lamp", 0.0) };
-    let materials = vec![Material::diffuse("floor", 0.5), lamp, Material::diffuse("sheet", 0.0)];
-    Scene::new(mesh, materials, Physics::Light, None).expect("valid")
-}
 
 /// E at (x, 0, 0) on the floor: ∫ B (cos θ)²/(π d²) over the part of the lamp that the sheet leaves, a rectangle.
 fn exact(x: f64) -> f64 {

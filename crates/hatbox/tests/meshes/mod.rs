@@ -2,6 +2,8 @@
 
 #[allow(dead_code, reason = "not every test is about rooms")]
 pub(crate) mod rooms;
+#[allow(dead_code, reason = "not every test is about shadows")]
+pub(crate) mod shadow;
 
 use glam::DVec3;
 use hatbox::element::Shape;

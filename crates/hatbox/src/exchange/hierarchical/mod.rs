@@ -203,25 +203,19 @@ impl Links {
 
     /// Adds the moments of a child to those of its parent.
     fn raise(&self, parent: u32, child: u32, from: &[f64], bands: usize, to: &mut [f64]) {
-        let p = self.basis.p();
-        let [first, second] = self.transfer(parent, child);
-        let mut half = vec![0.0; p * p * bands];
-        for b in 0..p {
-            for (c, a) in (0..p).flat_map(|c| (0..p).map(move |a| (c, a))) {
-                add(&mut half[(a * p + b) * bands..][..bands], first[c][a], &from[(c * p + b) * bands..]);
-            }
-        }
-        for a in 0..p {
-            for (c, b) in (0..p).flat_map(|c| (0..p).map(move |b| (c, b))) {
-                add(&mut to[(a * p + b) * bands..][..bands], second[c][b], &half[(a * p + c) * bands..]);
-            }
-        }
+        let matrices = self.transfer(parent, child);
+        let transposed = matrices.map(|m| std::array::from_fn(|a| std::array::from_fn(|c| m[c][a])));
+        self.carry(&transposed, from, bands, to);
     }
 
     /// Adds the values of a parent at the points of a child to those of the child.
     fn lower(&self, parent: u32, child: u32, from: &[f64], bands: usize, to: &mut [f64]) {
+        self.carry(&self.transfer(parent, child), from, bands, to);
+    }
+
+    /// Adds the product of two matrices, one for each direction, with values at the points of a grid.
+    fn carry(&self, [first, second]: &[[[f64; MOST]; MOST]; 2], from: &[f64], bands: usize, to: &mut [f64]) {
         let p = self.basis.p();
-        let [first, second] = self.transfer(parent, child);
         let mut half = vec![0.0; p * p * bands];
         for b in 0..p {
             for (c, a) in (0..p).flat_map(|c| (0..p).map(move |a| (c, a))) {
