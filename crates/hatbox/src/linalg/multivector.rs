@@ -1,3 +1,8 @@
+use rayon::prelude::*;
+
+/// Numbers of a thread at the least.
+const LEAST_NUMBERS: usize = 1 << 15;
+
 /// `rows` × `bands` numbers, each band contiguous: the coefficients of one function per band.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MultiVector {
@@ -74,9 +79,8 @@ impl MultiVector {
     /// `self += factor · other`.
     pub fn add_scaled(&mut self, factor: f64, other: &Self) {
         debug_assert_eq!((self.rows, self.bands), (other.rows, other.bands));
-        for (a, b) in self.data.iter_mut().zip(&other.data) {
-            *a += factor * b;
-        }
+        let parts = self.data.par_chunks_mut(LEAST_NUMBERS).zip(other.data.par_chunks(LEAST_NUMBERS));
+        parts.for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, b)| *a += factor * b));
     }
 
     /// `Σ_i self_i other_i` for each band.

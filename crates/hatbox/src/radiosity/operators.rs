@@ -5,68 +5,101 @@ use crate::linalg::{BlockDiagonal, Csr, Diagonal, LinearOperator, MultiVector};
 use crate::progress::Silent;
 use crate::solve::{Params, cg};
 use crate::space::FunctionSpace;
+use rayon::prelude::*;
+use std::borrow::Cow;
 
-/// C and Cᵀ; the identity where nothing is joined.
+/// C, Cᵀ and CᵀΔC; where nothing is joined, C is the identity.
 #[derive(Clone)]
 pub(super) struct Join {
-    matrices: Option<(Csr, Csr)>,
+    matrices: Option<[Csr; 3]>,
 }
 
 impl Join {
-    pub(super) fn of(space: &FunctionSpace) -> Self {
-        Self { matrices: space.continuity().map(|c| (c.clone(), c.transpose())) }
+    pub(super) fn of(space: &FunctionSpace, mass: &BlockDiagonal) -> Self {
+        let matrices = space.continuity().map(|c| {
+            let transpose = c.transpose();
+            let joined = congruent(c, &transpose, mass);
+            [c.clone(), transpose, joined]
+        });
+        Self { matrices }
     }
 
     /// C x: broken coefficients of a joined function.
-    pub(super) fn spread(&self, x: &MultiVector) -> MultiVector {
-        self.matrices.as_ref().map_or_else(|| x.clone(), |(c, _)| c.times(x))
+    pub(super) fn spread<'a>(&self, x: &'a MultiVector) -> Cow<'a, MultiVector> {
+        self.matrices.as_ref().map_or(Cow::Borrowed(x), |[c, ..]| Cow::Owned(c.times(x)))
     }
 
     /// Cᵀ x: integrals against the joined functions.
-    pub(super) fn collect(&self, x: &MultiVector) -> MultiVector {
-        self.matrices.as_ref().map_or_else(|| x.clone(), |(_, ct)| ct.times(x))
+    pub(super) fn collect(&self, x: MultiVector) -> MultiVector {
+        match &self.matrices {
+            Some([_, transpose, _]) => transpose.times(&x),
+            None => x,
+        }
     }
 
     fn unknowns(&self, broken: usize) -> usize {
-        self.matrices.as_ref().map_or(broken, |(c, _)| c.cols())
+        self.matrices.as_ref().map_or(broken, |[c, ..]| c.cols())
     }
 }
 
 /// CᵀΔC.
+fn congruent(c: &Csr, transpose: &Csr, mass: &BlockDiagonal) -> Csr {
+    let row = |i: usize| {
+        let mut entries: Vec<(u32, f64)> = Vec::new();
+        for (k, left) in transpose.row(i) {
+            let (first, numbers) = mass.row(0, k);
+            for (l, number) in numbers.iter().enumerate() {
+                for (j, right) in c.row(first + l) {
+                    let value = left * number * right;
+                    match entries.iter_mut().find(|(column, _)| *column as usize == j) {
+                        Some((_, entry)) => *entry += value,
+                        None => entries.push((j as u32, value)),
+                    }
+                }
+            }
+        }
+        entries.sort_unstable_by_key(|&(column, _)| column);
+        entries
+    };
+    let rows: Vec<Vec<(u32, f64)>> = (0..transpose.rows()).into_par_iter().map(row).collect();
+    Csr::from_rows(c.cols(), rows)
+}
+
+/// CᵀΔC as an operator.
+#[derive(Clone, Copy)]
 pub(super) struct Mass<'a> {
     pub(super) join: &'a Join,
     pub(super) mass: &'a BlockDiagonal,
 }
 
+impl Mass<'_> {
+    fn matrix(&self) -> &dyn LinearOperator {
+        match &self.join.matrices {
+            Some([.., joined]) => joined,
+            None => self.mass,
+        }
+    }
+}
+
 impl LinearOperator for Mass<'_> {
     fn rows(&self) -> usize {
-        self.join.unknowns(self.mass.rows())
+        self.matrix().rows()
     }
     fn cols(&self) -> usize {
         self.rows()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        *y = self.join.collect(&self.mass.times(&self.join.spread(x)));
+        self.matrix().apply(x, y);
     }
 }
 
 /// An approximation of (CᵀΔC)⁻¹ that costs nothing: exact where nothing is joined, the inverse of the diagonal else
 /// (the condition of a scaled mass matrix of hats is below 10 on any mesh).
-pub(super) fn preconditioner(
-    join: &Join,
-    mass: &BlockDiagonal,
-    inverse: &BlockDiagonal,
-) -> Box<dyn LinearOperator + Send> {
-    let Some((c, _)) = &join.matrices else { return Box::new(inverse.clone()) };
-    let mut diagonal = vec![0.0; c.cols()];
-    for (row, column, value) in mass.triplets(0) {
-        for (i, ci) in c.row(row as usize) {
-            for (_, cj) in c.row(column as usize).filter(|&(j, _)| j == i) {
-                diagonal[i] += ci * value * cj;
-            }
-        }
+pub(super) fn preconditioner(join: &Join, inverse: &BlockDiagonal) -> Box<dyn LinearOperator + Send> {
+    match &join.matrices {
+        Some([.., joined]) => Box::new(Diagonal(joined.diagonal().into_iter().map(|d| 1.0 / d).collect())),
+        None => Box::new(inverse.clone()),
     }
-    Box::new(Diagonal(diagonal.into_iter().map(|d| 1.0 / d).collect()))
 }
 
 /// (CᵀΔC)⁻¹, by conjugate gradients where it is no block matrix.
@@ -93,11 +126,12 @@ impl LinearOperator for InverseMass<'_> {
 }
 
 /// F̂ = Cᵀ M_R Δ⁻¹ S C.
+#[derive(Clone, Copy)]
 pub(super) struct Transport<'a> {
     pub(super) join: &'a Join,
-    pub(super) exchange: &'a dyn Exchange,
-    pub(super) mass_inverse: &'a BlockDiagonal,
-    pub(super) reflectance: &'a BlockDiagonal,
+    pub(super) exchange: &'a dyn LinearOperator,
+    /// M_R Δ⁻¹.
+    pub(super) reflection: &'a BlockDiagonal,
 }
 
 impl LinearOperator for Transport<'_> {
@@ -108,8 +142,8 @@ impl LinearOperator for Transport<'_> {
         self.rows()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        let irradiance = self.mass_inverse.times(&self.exchange.times(&self.join.spread(x)));
-        *y = self.join.collect(&self.reflectance.times(&irradiance));
+        let arrived = self.exchange.times(&self.join.spread(x));
+        *y = self.join.collect(self.reflection.times(&arrived));
     }
 }
 
@@ -148,12 +182,12 @@ impl Symmetric<'_> {
     pub(super) fn reflected(&self, x: &MultiVector) -> MultiVector {
         let mut y = self.exchange.times(x);
         multiply(&mut y, self.root);
-        self.mass.join.collect(&y)
+        self.mass.join.collect(y)
     }
 
     /// √R C c.
     pub(super) fn scaled(&self, c: &MultiVector) -> MultiVector {
-        let mut x = self.mass.join.spread(c);
+        let mut x = self.mass.join.spread(c).into_owned();
         multiply(&mut x, self.root);
         x
     }

@@ -16,8 +16,10 @@ use std::time::{Duration, Instant};
 /// The solver always goes this far: beside building the operator it costs next to nothing, and power then balances to
 /// ten digits whatever the operator's tolerance.
 const SOLVER_TOLERANCE: f64 = 1e-11;
-/// An operator that is sampled errs by far more than this, and its products are most of the time.
-const SAMPLED_SOLVER_TOLERANCE: f64 = 1e-7;
+/// Products of a sampled operator are most of the time, and it errs by so much that it goes so far as this share of its
+/// error, but not less far than the last number.
+const SAMPLED_SOLVER_SHARE: f64 = 1e-3;
+const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-5];
 /// Bounces that Neumann's iteration may take at the most.
 const MOST_BOUNCES: usize = 100_000;
 /// Steps of Arnoldi's method for the norm of the operator: an exact one costs little to apply, a sampled one has its
@@ -111,7 +113,7 @@ impl System {
             None => exchange::escape(&geometry, params.seed, progress).map_err(ExchangeError::from)?,
         };
         let exchange = Balanced::new(exchange, &scene, &space, &mass, &mass_inverse, escape);
-        let join = Join::of(&space);
+        let join = Join::of(&space, &mass);
         Ok(Self {
             exchange: Arc::new(exchange),
             operator_time: started.elapsed(),
@@ -119,7 +121,7 @@ impl System {
             occluders: Arc::default(),
             strengths: params.strengths.clone(),
             load: OnceLock::new(),
-            preconditioner: Arc::from(preconditioner(&join, &mass, &mass_inverse)),
+            preconditioner: Arc::from(preconditioner(&join, &mass_inverse)),
             scene,
             space,
             panels,
@@ -168,8 +170,8 @@ impl System {
         if let Ok(space) = FunctionSpace::new(&self.scene, self.space.basis(), continuity) {
             self.space = space;
         }
-        self.join = Join::of(&self.space);
-        self.preconditioner = Arc::from(preconditioner(&self.join, &self.mass, &self.mass_inverse));
+        self.join = Join::of(&self.space, &self.mass);
+        self.preconditioner = Arc::from(preconditioner(&self.join, &self.mass_inverse));
         self.strengths = strengths(&self.scene);
         self.load = OnceLock::new();
         self.operator_time = Duration::ZERO;
@@ -182,12 +184,15 @@ impl System {
         exchange::norm(&*self.exchange, &self.mass, &self.mass_inverse, steps)
     }
 
-    /// How far the solver should go, as far as power balances by the operator, and how long it may take.
+    /// How far the solver should go, and how long it may take: to the last digits where they cost little; to a thousandth of
+    /// the error of an operator that is sampled.
     ///
     /// Neumann's iteration takes a bounce at a time, and each leaves the greatest reflectance ρ of the last: it may take
     /// twice ln τ/ln ρ of them, since its residual is relative to one bounce less.
     pub fn solver_params(&self, kind: solve::Kind) -> solve::Params {
-        let tolerance = if self.exchange.is_symmetric() { SOLVER_TOLERANCE } else { SAMPLED_SOLVER_TOLERANCE };
+        let [least, most] = SAMPLED_SOLVER_TOLERANCES;
+        let of_samples = || (SAMPLED_SOLVER_SHARE * self.exchange.statistics().error()).clamp(least, most);
+        let tolerance = if self.exchange.is_symmetric() { SOLVER_TOLERANCE } else { of_samples() };
         let params = solve::Params { tolerance, ..Default::default() };
         if kind != solve::Kind::Neumann {
             return params;
@@ -270,14 +275,9 @@ impl System {
         params: &solve::Params,
         progress: &dyn Progress,
     ) -> Result<(Solution, Info), SolveError> {
-        let right_side = self.join.collect(load);
-        let reflectance = weighted_mass(&self.scene, &self.space);
-        let transport = Transport {
-            join: &self.join,
-            exchange: &*self.exchange,
-            mass_inverse: &self.mass_inverse,
-            reflectance: &reflectance,
-        };
+        let right_side = self.join.collect(load.clone());
+        let reflection = weighted_mass(&self.scene, &self.space).product(&self.mass_inverse);
+        let transport = Transport { join: &self.join, exchange: &*self.exchange, reflection: &reflection };
         let mut b = self.inverse_mass().times(&right_side);
         let info = match (kind, self.root_reflectance()) {
             (solve::Kind::Cg, Some(root)) => {
@@ -292,7 +292,7 @@ impl System {
                 gmres(&equation, &*self.preconditioner, &right_side, &mut b, params, progress)?
             }
         };
-        Ok((self.solution(self.join.spread(&b)), info))
+        Ok((self.solution(self.join.spread(&b).into_owned()), info))
     }
 
     fn solve_symmetric(
@@ -302,7 +302,7 @@ impl System {
         params: &solve::Params,
         progress: &dyn Progress,
     ) -> Result<(Solution, Info), SolveError> {
-        let emission = self.join.spread(emission);
+        let emission = self.join.spread(emission).into_owned();
         let right_side = symmetric.reflected(&emission);
         let mut c = MultiVector::zeros(right_side.rows(), right_side.bands());
         let info = cg(symmetric, &*self.preconditioner, &right_side, &mut c, params, progress)?;
@@ -333,7 +333,7 @@ impl System {
         if self.exchange.is_symmetric() {
             self.mass_inverse.times(arrived)
         } else {
-            self.join.spread(&self.inverse_mass().times(&self.join.collect(arrived)))
+            self.join.spread(&self.inverse_mass().times(&self.join.collect(arrived.clone()))).into_owned()
         }
     }
 

@@ -73,7 +73,7 @@ fn cycle(
         spaces.par_iter_mut().zip(image.as_slice().par_chunks(rows.max(1))).for_each(|(space, w)| space.extend(w));
         let estimates: Vec<f64> = spaces.iter().map(Krylov::estimate).collect();
         for (space, open) in spaces.iter_mut().zip(watch.open(&estimates)) {
-            space.open = open && !space.exhausted;
+            space.open &= open && !space.exhausted;
         }
         if spaces.iter().all(|space| !space.open) {
             break;

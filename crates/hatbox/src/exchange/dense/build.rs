@@ -6,6 +6,7 @@
 
 use super::Dense;
 use super::sums::{Limits, Sums};
+use super::table::{Part, Table};
 use super::views::{Between, Views};
 use crate::assemble::{Accuracy, Batch, Block, Facing, Found, LANES, Panel, Sight, facing_block};
 use crate::exchange::tree::{LEAF, Tree};
@@ -33,7 +34,8 @@ pub(super) fn build(geometry: &Geometry<'_>, params: &Params, progress: &dyn Pro
         offsets: &dense.offsets,
         limits: None,
     };
-    let mut strands = builder.strands(progress)?;
+    let mut table = Table::new(dense.lengths());
+    let mut strands = builder.strands(&mut table, progress)?;
     let mut total = Sums::new(ordered.len());
     for strand in &strands {
         total.add(&strand.sums);
@@ -43,27 +45,23 @@ pub(super) fn build(geometry: &Geometry<'_>, params: &Params, progress: &dyn Pro
         let mended = builder.mend(&limits, &mut strands, progress)?;
         total.replace(&mended, &limits);
     }
-    let rows = || strands.iter().flat_map(|strand| &strand.runs).flat_map(|run| &run.values);
+    drop(strands);
     let errors = total.row_errors(&ordered, builder.strengths);
     dense.row_errors = dense.place.iter().map(|&place| errors[place as usize]).collect();
-    dense.statistics = total.statistics(&ordered, rows().map(|row| size_of_val(&row[..])).sum());
-    let mut runs: Vec<Run> = strands.into_iter().flat_map(|strand| strand.runs).collect();
-    runs.sort_unstable_by_key(|run| run.range.start);
-    dense.rows = runs.into_iter().flat_map(|run| run.values).collect();
+    dense.statistics = total.statistics(&ordered, table.bytes());
+    dense.table = table;
     Ok(dense)
 }
 
-/// A run of rows.
-struct Run {
+/// The rows of a cluster.
+struct Run<'a> {
     cluster: usize,
-    range: Range<usize>,
-    /// For each place, its rows from its own first column on.
-    values: Vec<Vec<f64>>,
+    rows: Part<'a>,
 }
 
 /// Some of the runs, and the sums over their pairs.
-struct Strand {
-    runs: Vec<Run>,
+struct Strand<'a> {
+    runs: Vec<Run<'a>>,
     sums: Sums,
 }
 
@@ -83,8 +81,8 @@ struct Builder<'a> {
 }
 
 /// A run of rows while they are made.
-struct Rows<'a> {
-    run: &'a mut Run,
+struct Rows<'a, 'b> {
+    run: &'a mut Part<'b>,
     sums: &'a mut Sums,
     progress: &'a dyn Progress,
 }
@@ -95,29 +93,31 @@ impl Builder<'_> {
     }
 
     /// All runs, each with its rows.
-    fn strands(&self, progress: &dyn Progress) -> Result<Vec<Strand>, Interrupted> {
-        let (runs, cells) = (self.tree.runs(), self.panels.len());
+    fn strands<'t>(&self, table: &'t mut Table, progress: &dyn Progress) -> Result<Vec<Strand<'t>>, Interrupted> {
+        let (clusters, cells) = (self.tree.runs(), self.panels.len());
+        let parts = table.parts(clusters.iter().map(|&cluster| self.tree.clusters[cluster].range.clone()));
+        let mut strands: Vec<Vec<Run<'t>>> = (0..STRANDS).map(|_| Vec::new()).collect();
+        for (k, (&cluster, rows)) in clusters.iter().zip(parts).enumerate() {
+            strands[k % STRANDS].push(Run { cluster, rows });
+        }
         progress.begin("form factors", (cells * cells.saturating_sub(1) / 2) as u64);
-        let strand = |strand: usize| {
+        let integrated = |mut runs: Vec<Run<'t>>| {
             let mut sums = Sums::new(cells);
-            let mut done = Vec::new();
-            for &cluster in runs.iter().skip(strand).step_by(STRANDS) {
-                let mut run = self.empty(cluster);
-                self.integrate(&mut run, &mut sums, progress)?;
-                done.push(run);
+            for run in &mut runs {
+                self.integrate(run, &mut sums, progress)?;
             }
-            Ok(Strand { runs: done, sums })
+            Ok(Strand { runs, sums })
         };
-        let strands = (0..STRANDS).into_par_iter().with_max_len(1).map(strand).collect::<Result<_, _>>()?;
+        let strands = strands.into_par_iter().with_max_len(1).map(integrated).collect::<Result<_, _>>()?;
         progress.end();
         Ok(strands)
     }
 
     /// Integrates the partially hidden pairs of rows that have limits once more, and returns the sums over these pairs.
-    fn mend(&self, limits: &Limits, strands: &mut [Strand], progress: &dyn Progress) -> Result<Sums, Interrupted> {
+    fn mend(&self, limits: &Limits, strands: &mut [Strand<'_>], progress: &dyn Progress) -> Result<Sums, Interrupted> {
         let (again, cells) = (Builder { limits: Some(limits), ..*self }, self.panels.len());
         progress.begin("shadows", (cells * cells.saturating_sub(1) / 2) as u64);
-        let mend = |strand: &mut Strand| {
+        let mend = |strand: &mut Strand<'_>| {
             let mut sums = Sums::new(cells);
             for run in &mut strand.runs {
                 again.integrate(run, &mut sums, progress)?;
@@ -133,23 +133,11 @@ impl Builder<'_> {
         Ok(total)
     }
 
-    /// A run of nothing yet.
-    fn empty(&self, cluster: usize) -> Run {
-        let range = self.tree.clusters[cluster].range.clone();
-        let unknowns = self.unknowns();
-        let row = |place: usize| {
-            let first = self.offsets[place];
-            vec![0.0; (self.offsets[place + 1] - first) * (unknowns - first)]
-        };
-        Run { cluster, values: range.clone().map(row).collect(), range }
-    }
-
-    fn integrate(&self, run: &mut Run, sums: &mut Sums, progress: &dyn Progress) -> Result<(), Interrupted> {
-        let steps = run.range.clone().map(|place| (self.panels.len() - 1 - place) as u64).sum();
-        let cluster = run.cluster;
-        let mut rows = Rows { run, sums, progress };
+    fn integrate(&self, run: &mut Run<'_>, sums: &mut Sums, progress: &dyn Progress) -> Result<(), Interrupted> {
+        let steps = run.rows.range.clone().map(|place| (self.panels.len() - 1 - place) as u64).sum();
+        let mut rows = Rows { run: &mut run.rows, sums, progress };
         for &root in &self.tree.roots {
-            self.meet([cluster, root], Between::Many, &mut rows)?;
+            self.meet([run.cluster, root], Between::Many, &mut rows)?;
         }
         progress.advance(steps);
         Ok(())
@@ -157,7 +145,7 @@ impl Builder<'_> {
 
     /// The blocks of the panels of a cluster with all panels of another that come after them. Shadows may take minutes for
     /// a run of rows, so here is where work is interrupted.
-    fn meet(&self, pair: [usize; 2], inherited: Between<'_>, rows: &mut Rows<'_>) -> Result<(), Interrupted> {
+    fn meet(&self, pair: [usize; 2], inherited: Between<'_>, rows: &mut Rows<'_, '_>) -> Result<(), Interrupted> {
         if rows.progress.interrupted() {
             return Err(Interrupted);
         }
@@ -195,7 +183,7 @@ impl Builder<'_> {
     }
 
     /// A panel with each of a range: those in clear view side by side, the others on their own.
-    fn one_by_one(&self, i: usize, range: Range<usize>, inherited: Between<'_>, rows: &mut Rows<'_>) {
+    fn one_by_one(&self, i: usize, range: Range<usize>, inherited: Between<'_>, rows: &mut Rows<'_, '_>) {
         let mut list = Vec::new();
         let mut clear = 0_u64;
         for j in range.clone().filter(|&j| self.wants([&(i..i + 1), &(j..j + 1)])) {
@@ -219,7 +207,7 @@ impl Builder<'_> {
         });
     }
 
-    fn partial(&self, places: [usize; 2], facing: &Facing, between: Between<'_>, rows: &mut Rows<'_>) {
+    fn partial(&self, places: [usize; 2], facing: &Facing, between: Between<'_>, rows: &mut Rows<'_, '_>) {
         let strengths = places.map(|place| self.strengths[place]);
         // What reaches the one is as strong as the other.
         let ([a, b], weights) = (places.map(|place| self.panels[place]), [strengths[1], strengths[0]]);
@@ -231,7 +219,7 @@ impl Builder<'_> {
     }
 
     /// Pairs that are known to see each other.
-    fn clear(&self, of: Range<usize>, with: Range<usize>, rows: &mut Rows<'_>) {
+    fn clear(&self, of: Range<usize>, with: Range<usize>, rows: &mut Rows<'_, '_>) {
         if self.limits.is_some() {
             return;
         }
@@ -240,7 +228,7 @@ impl Builder<'_> {
     }
 
     /// Puts what a chunk has found for a panel where it belongs, and integrates the rest.
-    fn take(&self, i: usize, first: usize, found: &Found, rows: &mut Rows<'_>) {
+    fn take(&self, i: usize, first: usize, found: &Found, rows: &mut Rows<'_, '_>) {
         rows.put_lanes(self, i, first, found);
         let mut rest = found.rest;
         while rest != 0 {
@@ -255,12 +243,12 @@ impl Builder<'_> {
     }
 }
 
-impl Rows<'_> {
+impl Rows<'_, '_> {
     fn put(&mut self, builder: &Builder<'_>, [i, j]: [usize; 2], block: &Block) {
         let offsets = builder.offsets;
         let width = offsets[builder.panels.len()] - offsets[i];
         let (place, columns) = (offsets[j] - offsets[i], offsets[j + 1] - offsets[j]);
-        let row = &mut self.run.values[i - self.run.range.start];
+        let row = self.run.row_mut(i);
         for (k, entries) in block.values().chunks_exact(columns).enumerate() {
             row[k * width + place..][..columns].copy_from_slice(entries);
         }
@@ -272,14 +260,14 @@ impl Rows<'_> {
             // Eight constants side by side.
             self.sums.pairs += LANES as u64;
             self.sums.clear_pairs += LANES as u64;
-            self.run.values[i - self.run.range.start][first - i..][..LANES].copy_from_slice(&found.values[0]);
+            self.run.row_mut(i)[first - i..][..LANES].copy_from_slice(&found.values[0]);
             self.sums.note_errors(i, first, builder.strengths, &found.errors);
             return;
         }
         let start = offsets[i];
         let width = offsets[builder.panels.len()] - start;
         let rows = offsets[i + 1] - start;
-        let row = &mut self.run.values[i - self.run.range.start];
+        let row = self.run.row_mut(i);
         self.sums.pairs += u64::from(found.done.count_ones());
         self.sums.clear_pairs += u64::from(found.done.count_ones());
         for lane in (0..LANES).filter(|lane| found.done >> lane & 1 == 1) {

@@ -42,7 +42,7 @@ impl Dense {
         let run = |run: usize| {
             let mut facts = Facts { sums: vec![0.0; cells], counts: vec![0; cells], errors: vec![0.0; cells] };
             for place in (run..cells).step_by(RUNS) {
-                scan(place, &self.rows[place], &areas, &mut facts);
+                scan(place, self.table.row(place), &areas, &mut facts);
             }
             facts
         };

@@ -9,6 +9,7 @@
 mod build;
 mod facts;
 mod sums;
+mod table;
 mod views;
 
 pub use facts::RowFacts;
@@ -20,6 +21,7 @@ use crate::assemble::Panel;
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::progress::Progress;
 use rayon::prelude::*;
+use table::Table;
 
 /// A product is cut into this many runs of rows, each with its own result, added in order: fixed, so that sums do not
 /// depend on the number of threads.
@@ -35,7 +37,7 @@ pub struct Dense {
     /// The unknown of the space at each place of the matrix.
     unknowns: Vec<u32>,
     /// For each place, its rows from its own first column on.
-    rows: Vec<Vec<f64>>,
+    table: Table,
     /// See [`Exchange::row_errors`].
     row_errors: Vec<f64>,
     statistics: Statistics,
@@ -76,7 +78,20 @@ impl Dense {
             unknowns.extend(first[cell as usize]..first[cell as usize + 1]);
             offsets.push(unknowns.len());
         }
-        Self { place, offsets, unknowns, rows: Vec::new(), row_errors: Vec::new(), statistics: Statistics::default() }
+        Self {
+            place,
+            offsets,
+            unknowns,
+            table: Table::new([].into_iter()),
+            row_errors: Vec::new(),
+            statistics: Statistics::default(),
+        }
+    }
+
+    /// Numbers in the rows of each place.
+    fn lengths(&self) -> impl Iterator<Item = usize> + '_ {
+        let all = self.unknowns.len();
+        self.offsets.windows(2).map(move |pair| (pair[1] - pair[0]) * (all - pair[0]))
     }
 
     /// The sum of the block of two cells, A_i F_ij for the constants' view factor: by symmetry either way round.
@@ -84,7 +99,7 @@ impl Dense {
         let [i, j] = self.places(i, j);
         let width = self.rows() - self.offsets[i];
         let columns = self.offsets[j] - self.offsets[i]..self.offsets[j + 1] - self.offsets[i];
-        self.rows[i].chunks_exact(width).map(|row| row[columns.clone()].iter().sum::<f64>()).sum()
+        self.table.row(i).chunks_exact(width).map(|row| row[columns.clone()].iter().sum::<f64>()).sum()
     }
 
     /// The exchange areas of one cell with all others, by cell: a row of the symmetric matrix.
@@ -108,7 +123,7 @@ impl Dense {
     fn apply_rows(&self, places: std::ops::Range<usize>, x: &[f64], y: &mut [f64]) {
         for place in places {
             let (first, end) = (self.offsets[place], self.offsets[place + 1]);
-            for (k, row) in self.rows[place].chunks_exact(x.len() - first).enumerate() {
+            for (k, row) in self.table.row(place).chunks_exact(x.len() - first).enumerate() {
                 // The diagonal block is zero: a planar cell does not see itself.
                 let off = end - first;
                 y[first + k] += symmetric_row(&row[off..], &x[end..], x[first + k], &mut y[end..]);
@@ -148,7 +163,7 @@ impl LinearOperator for Dense {
     }
 
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        let cells = self.rows.len();
+        let cells = self.table.len();
         // Equal shares of the triangle: row c has a length of about n − c.
         let bound = |run: usize| {
             let left = 1.0 - run as f64 / RUNS as f64;

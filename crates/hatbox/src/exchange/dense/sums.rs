@@ -4,7 +4,7 @@
 //! them among furniture. So each is first allowed the error of a room with few. Where the sum over a row's pairs is then more
 //! than the tolerance, its partially hidden pairs are integrated once more, each with its share of what the row may err by.
 
-use crate::assemble::{Accuracy, Block, Panel};
+use crate::assemble::{Accuracy, Block, LANES, Panel};
 use crate::exchange::Statistics;
 use std::ops::Range;
 
@@ -70,17 +70,14 @@ impl Sums {
     }
 
     /// The errors of pairs of a place with as many that follow each other, and nothing but errors of pairs that are clear.
-    pub(super) fn note_errors(&mut self, i: usize, first: usize, strengths: &[f64], errors: &[f64]) {
-        let columns = self.clear[first..].iter_mut().zip(&mut self.squares[first..]);
-        let (mut sum, mut squares) = (0.0, 0.0);
-        for ((error, strength), (clear, square)) in errors.iter().zip(&strengths[first..]).zip(columns) {
-            *clear += error;
-            *square += (strengths[i] * error).powi(2);
-            sum += error;
-            squares += (strength * error).powi(2);
-        }
+    pub(super) fn note_errors(&mut self, i: usize, first: usize, strengths: &[f64], errors: &[f64; LANES]) {
+        let lanes = |all: &[f64]| -> [f64; LANES] { std::array::from_fn(|lane| all[first..][lane]) };
+        let (own, columns) = (strengths[i], [&mut self.clear, &mut self.squares]);
+        let columns = columns.map(|column| column[first..].first_chunk_mut::<LANES>());
+        let [Some(clear), Some(squares)] = columns else { return };
+        let [sum, square] = add_errors(errors, own, &lanes(strengths), clear, squares);
         self.clear[i] += sum;
-        self.squares[i] += squares;
+        self.squares[i] += square;
     }
 
     /// `scale` is what the pair's error is counted in.
@@ -131,6 +128,31 @@ impl Sums {
             visibility_error: worst(&|place| of(&self.partial.visibility, place).sqrt()),
         }
     }
+}
+
+/// Adds errors to those of the columns, and returns what they add to those of the row: the sum and the weighted squares.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+fma", "x86_64+avx2+fma", "aarch64+neon"))]
+fn add_errors(
+    errors: &[f64; LANES],
+    own: f64,
+    strengths: &[f64; LANES],
+    clear: &mut [f64; LANES],
+    squares: &mut [f64; LANES],
+) -> [f64; 2] {
+    let (mut sum, mut square) = (0.0, 0.0);
+    let own = own * own;
+    let mut weighted = [0.0; LANES];
+    for lane in 0..LANES {
+        let error = errors[lane];
+        clear[lane] += error;
+        squares[lane] += own * (error * error);
+        weighted[lane] = (strengths[lane] * error) * (strengths[lane] * error);
+    }
+    for lane in 0..LANES {
+        sum += errors[lane];
+        square += weighted[lane];
+    }
+    [sum, square]
 }
 
 fn sees(block: &Block) -> u64 {

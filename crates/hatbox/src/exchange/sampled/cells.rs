@@ -1,4 +1,4 @@
-//! The cells as the rays need them, 60 bytes each, and where on them a point of a face of the input lies.
+//! The cells as the rays need them, 68 bytes each, and where on them a point of a face of the input lies.
 
 use crate::element::{Element, Shape};
 use crate::mesh::{Mesh, Patch};
@@ -14,6 +14,7 @@ pub(in crate::exchange) struct Cells {
     corners: Vec<[u32; 4]>,
     surfaces: Vec<u32>,
     elements: Vec<&'static Element>,
+    areas: Vec<f64>,
     /// First coefficient of each cell, and their number.
     offsets: Vec<u32>,
 }
@@ -25,6 +26,7 @@ impl Cells {
             corners: mesh.cells.iter().map(|cell| cell.vertices).collect(),
             surfaces: mesh.cells.iter().map(|cell| cell.surface).collect(),
             elements: (0..space.cells()).map(|cell| space.element(cell)).collect(),
+            areas: (0..mesh.cells.len()).map(|cell| mesh.patch(cell).area()).collect(),
             offsets: space.offsets().iter().map(|&offset| offset as u32).collect(),
         }
     }
@@ -39,6 +41,16 @@ impl Cells {
 
     pub(in crate::exchange) fn patch(&self, cell: usize) -> Patch {
         Patch::new(self.elements[cell].shape, self.corners[cell].map(|vertex| self.vertices[vertex as usize]))
+    }
+
+    pub(in crate::exchange) fn area(&self, cell: usize) -> f64 {
+        self.areas[cell]
+    }
+
+    /// The patch of a cell whose map to the reference cell stretches it unevenly.
+    pub(in crate::exchange) fn stretched(&self, cell: usize) -> Option<Patch> {
+        let quad = self.elements[cell].shape == Shape::Quad;
+        quad.then(|| self.patch(cell)).filter(|patch| !patch.is_affine())
     }
 
     pub(in crate::exchange) fn surface(&self, cell: usize) -> u32 {
@@ -90,7 +102,7 @@ impl Cells {
     }
 
     pub(in crate::exchange) fn bytes(&self) -> usize {
-        size_of_val(&*self.vertices) + self.len() * (size_of::<[u32; 4]>() + 8 + size_of::<&Element>())
+        size_of_val(&*self.vertices) + self.len() * (size_of::<[u32; 4]>() + 16 + size_of::<&Element>())
     }
 }
 

@@ -5,6 +5,8 @@
 //! larger than what it is fitted to. The second term is worth one ray. It does not see constants, and it decides what
 //! the rays leave open when most of them went to a lamp.
 
+#![expect(clippy::inline_always, reason = "loops must be compiled where their lengths are known")]
+
 use crate::element::{Element, MAX_DOFS};
 use crate::mesh::Patch;
 use crate::quadrature::rule;
@@ -31,7 +33,7 @@ pub(super) fn variance(mass: &Matrix) -> Matrix {
 }
 
 /// G += w N Nᵀ.
-#[inline]
+#[inline(always)]
 pub(super) fn add_outer(gram: &mut Matrix, weight: f64, functions: &[f64]) {
     for (row, n) in gram.iter_mut().zip(functions) {
         for (entry, m) in row.iter_mut().zip(functions) {
@@ -40,7 +42,10 @@ pub(super) fn add_outer(gram: &mut Matrix, weight: f64, functions: &[f64]) {
     }
 }
 
+// Where n and the number of bands are known when the loops are compiled, they are unrolled.
+
 /// The Cholesky factor of the first n rows of a positive definite matrix.
+#[inline(always)]
 pub(super) fn factor(mut a: Matrix, n: usize) -> Matrix {
     for j in 0..n {
         let pivot = a[j][j] - a[j][..j].iter().map(|x| x * x).sum::<f64>();
@@ -54,6 +59,7 @@ pub(super) fn factor(mut a: Matrix, n: usize) -> Matrix {
 }
 
 /// Solves L Lᵀ x = b in place, for every band; b holds the bands of each row side by side.
+#[inline(always)]
 pub(super) fn solve(l: &Matrix, n: usize, bands: usize, b: &mut [f64]) {
     for band in 0..bands {
         for i in 0..n {

@@ -1,13 +1,108 @@
 //! What one chunk of cells yields when it is traced, and its bytes for whoever keeps them.
+//!
+//! Rays that were lost bring nothing and are most of them where the sky is wide, so that a bit says of each ray whether it
+//! ended somewhere, and only those that did take 8 bytes: a terrain of 100 000 facets with 128 rays each keeps 30 MB of the
+//! 103 MB.
 
 use super::lamps::Entry;
 use super::rays::Hit;
 use crate::element::MAX_DOFS;
+use std::ops::Range;
+
+/// Rays of one word.
+const WORD: usize = u64::BITS as usize;
+
+/// Where the rays of some cells ended, as many rays of each.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Hits {
+    /// Words of each cell.
+    words: usize,
+    /// A bit for each ray: whether it ended somewhere.
+    arrived: Vec<u64>,
+    /// Where the hits of each cell begin, but for the first, and where they end.
+    ends: Vec<u32>,
+    all: Vec<Hit>,
+}
+
+/// The rays of one cell.
+#[derive(Clone, Copy)]
+pub(super) struct Ended<'a> {
+    arrived: &'a [u64],
+    hits: &'a [Hit],
+}
+
+impl Hits {
+    /// Of no cell yet.
+    pub(super) fn new(rays: u32) -> Self {
+        Self { words: (rays as usize).div_ceil(WORD), ..Self::default() }
+    }
+
+    /// Adds a cell.
+    pub(super) fn push(&mut self, hits: &[Hit]) {
+        for some in hits.chunks(WORD) {
+            let bits = some.iter().enumerate().map(|(bit, hit)| u64::from(!hit.is_lost()) << bit);
+            self.arrived.push(bits.fold(0, |word, bit| word | bit));
+            self.all.extend(some.iter().filter(|hit| !hit.is_lost()));
+        }
+        self.arrived.resize(self.words * (self.ends.len() + 1), 0);
+        self.ends.push(self.all.len() as u32);
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.arrived.clear();
+        self.ends.clear();
+        self.all.clear();
+    }
+
+    pub(super) fn shrink(&mut self) {
+        self.all.shrink_to_fit();
+    }
+
+    /// The rays of one cell.
+    pub(super) fn of(&self, index: usize) -> Ended<'_> {
+        let start = index.checked_sub(1).map_or(0, |before| self.ends[before]);
+        Ended {
+            arrived: &self.arrived[index * self.words..(index + 1) * self.words],
+            hits: &self.all[start as usize..self.ends[index] as usize],
+        }
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(&*self.arrived) + size_of_val(&*self.ends) + size_of_val(&*self.all)
+    }
+}
+
+impl<'a> Ended<'a> {
+    /// The hits of some rays, 64 rays and fewer at a time: which rays they are (the first one's number, and a bit for each
+    /// that has a hit), and their hits.
+    pub(super) fn words(self, taken: Range<usize>) -> impl Iterator<Item = (usize, u64, &'a [Hit])> {
+        let mut rest = self.hits;
+        self.arrived[..taken.end.div_ceil(WORD)].iter().enumerate().filter_map(move |(word, &bits)| {
+            let first = word * WORD;
+            let (from, to) = (taken.start.saturating_sub(first).min(WORD), (taken.end - first).min(WORD));
+            let below = |end: usize| if end == WORD { bits } else { bits & ((1 << end) - 1) };
+            let skipped = below(from).count_ones() as usize;
+            let chosen = below(to) & !below(from);
+            let hits = &rest[skipped..skipped + chosen.count_ones() as usize];
+            rest = &rest[bits.count_ones() as usize..];
+            (chosen != 0).then_some((first, chosen, hits))
+        })
+    }
+}
+
+/// The numbers of the bits that are set, from the lowest on.
+pub(super) fn set_bits(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lowest = (bits != 0).then(|| bits.trailing_zeros() as usize)?;
+        bits &= bits - 1;
+        Some(lowest)
+    })
+}
 
 /// The rays of one chunk.
 #[derive(Debug, PartialEq)]
 pub(super) struct Traced {
-    pub(super) hits: Vec<Hit>,
+    pub(super) hits: Hits,
     /// Where the entries of each cell begin, and the entries.
     pub(super) direct: (Vec<u32>, Vec<Entry>),
     pub(super) rays: u64,
@@ -17,17 +112,18 @@ pub(super) struct Traced {
 
 impl Traced {
     pub(super) fn to_bytes(&self) -> Vec<u8> {
-        let (first, entries) = &self.direct;
-        let lengths = [self.hits.len(), first.len(), entries.len()].map(|length| length as u64);
-        let mut bytes = Vec::with_capacity(48 + 8 * self.hits.len() + 4 * first.len() + 32 * entries.len());
-        for number in lengths.into_iter().chain([self.rays, self.area.to_bits(), self.lost.to_bits()]) {
+        let ((first, entries), Hits { words, arrived, ends, all }) = (&self.direct, &self.hits);
+        let lengths = [*words, arrived.len(), ends.len(), all.len(), first.len(), entries.len()];
+        let numbers = [self.rays, self.area.to_bits(), self.lost.to_bits()];
+        let mut bytes = Vec::with_capacity(72 + self.hits.bytes() + 4 * first.len() + size_of_val(&**entries));
+        for number in lengths.into_iter().map(|length| length as u64).chain(numbers).chain(arrived.iter().copied()) {
             bytes.extend(number.to_le_bytes());
         }
-        for hit in &self.hits {
+        for number in ends.iter().chain(first) {
+            bytes.extend(number.to_le_bytes());
+        }
+        for hit in all {
             bytes.extend(hit.to_bytes());
-        }
-        for number in first {
-            bytes.extend(number.to_le_bytes());
         }
         for entry in entries {
             bytes.extend(entry.lamp.to_le_bytes());
@@ -41,10 +137,16 @@ impl Traced {
     /// What [`to_bytes`](Self::to_bytes) has made; `None` of anything else.
     pub(super) fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let mut reader = Reader(bytes);
-        let [hits, first, entries] = [reader.u64()?, reader.u64()?, reader.u64()?];
-        let (rays, area, lost) = (reader.u64()?, f64::from_bits(reader.u64()?), f64::from_bits(reader.u64()?));
-        let hits = (0..hits).map(|_| reader.take().map(Hit::from_bytes)).collect::<Option<_>>()?;
+        let mut lengths = [0; 6];
+        for length in &mut lengths {
+            *length = usize::try_from(reader.u64()?).ok()?;
+        }
+        let [words, arrived, ends, hits, first, entries] = lengths;
+        let [rays, area, lost] = [reader.u64()?, reader.u64()?, reader.u64()?];
+        let arrived = (0..arrived).map(|_| reader.u64()).collect::<Option<_>>()?;
+        let ends = (0..ends).map(|_| reader.take().map(u32::from_le_bytes)).collect::<Option<_>>()?;
         let first = (0..first).map(|_| reader.take().map(u32::from_le_bytes)).collect::<Option<_>>()?;
+        let all = (0..hits).map(|_| reader.take().map(Hit::from_bytes)).collect::<Option<_>>()?;
         let entry = |_| {
             let lamp = u32::from_le_bytes(reader.take()?);
             let mut values = [0.0; MAX_DOFS];
@@ -53,8 +155,9 @@ impl Traced {
             }
             Some(Entry { lamp, values })
         };
-        let entries = (0..entries).map(entry).collect::<Option<_>>()?;
-        reader.0.is_empty().then_some(Self { hits, direct: (first, entries), rays, area, lost })
+        let direct = (first, (0..entries).map(entry).collect::<Option<_>>()?);
+        let (hits, area, lost) = (Hits { words, arrived, ends, all }, f64::from_bits(area), f64::from_bits(lost));
+        reader.0.is_empty().then_some(Self { hits, direct, rays, area, lost })
     }
 }
 
@@ -77,10 +180,41 @@ impl Reader<'_> {
 mod tests {
     use super::*;
 
+    /// Cells of 130 rays each, of which every third and every hundredth is lost, and all of one cell.
+    fn some(cell: u32) -> Vec<Hit> {
+        let ray =
+            |ray: u32| if cell == 1 || ray.is_multiple_of(3) || ray % 100 == 7 { Hit::LOST } else { hit(cell, ray) };
+        (0..130).map(ray).collect()
+    }
+
+    fn hit(cell: u32, ray: u32) -> Hit {
+        Hit::from_bytes((u64::from(ray) << 32 | u64::from(cell)).to_le_bytes())
+    }
+
+    fn hits() -> Hits {
+        let mut hits = Hits::new(130);
+        (0..4).for_each(|cell| hits.push(&some(cell)));
+        hits
+    }
+
+    #[test]
+    fn any_run_of_rays_gives_the_hits_among_them() {
+        let hits = hits();
+        for (cell, taken) in [(0, 0..130), (0, 0..65), (1, 0..130), (2, 65..130), (2, 3..60), (3, 64..128), (3, 9..10)]
+        {
+            let all = some(cell);
+            let expected = taken.clone().map(|ray| (ray, all[ray])).filter(|(_, hit)| !hit.is_lost());
+            let found = hits.of(cell as usize).words(taken).flat_map(|(first, bits, hits)| {
+                set_bits(bits).map(move |bit| first + bit).zip(hits.iter().copied()).collect::<Vec<_>>()
+            });
+            assert_eq!(found.collect::<Vec<_>>(), expected.collect::<Vec<_>>(), "cell {cell}");
+        }
+    }
+
     #[test]
     fn bytes_give_back_what_was_traced() {
         let traced = Traced {
-            hits: vec![Hit::LOST, Hit::from_bytes([1, 2, 3, 4, 5, 6, 7, 8])],
+            hits: hits(),
             direct: (vec![0, 1], vec![Entry { lamp: 3, values: [0.5; MAX_DOFS] }]),
             rays: 77,
             area: 0.1,

@@ -41,7 +41,7 @@ use crate::quadrature::sequence::{hash, point};
 pub(super) use cells::Cells;
 use cells::Locator;
 use fit::{Matrix, Take, add_outer, factor, mean_mass, solve, variance};
-use kept::Traced;
+use kept::{Hits, Traced};
 use lamps::{Entry, Lamps, Receivers};
 use rayon::prelude::*;
 use rays::{Frame, Hit, Points, Tracer};
@@ -74,7 +74,7 @@ pub struct Sampled {
     tables: Vec<Table>,
     rays: u32,
     /// The hits of the first cells, a chunk each.
-    stored: Vec<Vec<Hit>>,
+    stored: Vec<Hits>,
     /// Where the entries of each cell begin, for each chunk, and the entries.
     direct: Vec<(Vec<u32>, Vec<Entry>)>,
     escape: f64,
@@ -199,7 +199,7 @@ impl Sampled {
             }
             self.direct.push(traced.direct);
         }
-        let stored: usize = self.stored.iter().map(|hits| hits.len() * size_of::<Hit>()).sum();
+        let stored: usize = self.stored.iter().map(Hits::bytes).sum();
         let direct: usize =
             self.direct.iter().map(|(first, list)| 4 * first.len() + list.len() * size_of::<Entry>()).sum();
         let links = self.links.as_ref().map_or(0, |links| links.bytes() + size_of_val(&*self.linked));
@@ -259,19 +259,20 @@ impl Sampled {
     }
 
     fn trace(&self, chunk: usize, keep: bool) -> Traced {
-        let range = self.chunk(chunk);
         let k = self.rays as usize;
-        let mut hits = vec![Hit::LOST; if keep { range.len() * k } else { k }];
-        let mut direct = (Vec::with_capacity(range.len() + 1), Vec::new());
+        let (mut kept, mut hits) = (Hits::new(self.rays), vec![Hit::LOST; k]);
+        let mut direct = (Vec::with_capacity(CHUNK + 1), Vec::new());
         let (mut rays, mut area, mut lost) = (0, 0.0, 0.0);
         let budget = (self.rays / LAMP_SHARE).max(LEAST_LAMP_RAYS);
-        for (index, cell) in range.enumerate() {
+        for cell in self.chunk(chunk) {
             let table = self.table(cell);
-            let hits = if keep { &mut hits[index * k..(index + 1) * k] } else { &mut hits[..] };
-            self.tracer.trace(&self.cells, cell, &table.points, self.linked_with(cell), hits);
+            self.tracer.trace(&self.cells, cell, &table.points, self.linked_with(cell), &mut hits);
             let cell_area = self.cells.patch(cell).area();
             let escaped = hits.iter().filter(|hit| hit.is_lost()).count();
             (area, lost) = (area + cell_area, lost + cell_area * escaped as f64 / k as f64);
+            if keep {
+                kept.push(&hits);
+            }
             direct.0.push(direct.1.len() as u32);
             let (found, cast) = self.lamps.at_cell(&self.cells, cell, &table.receivers, budget, &self.tracer);
             direct.1.extend(found);
@@ -279,7 +280,8 @@ impl Sampled {
         }
         direct.0.push(direct.1.len() as u32);
         direct.1.shrink_to_fit();
-        Traced { hits: if keep { hits } else { Vec::new() }, direct, rays, area, lost }
+        kept.shrink();
+        Traced { hits: kept, direct, rays, area, lost }
     }
 
     /// The value of one band where a ray ended.
