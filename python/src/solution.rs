@@ -116,18 +116,19 @@ impl Solution {
         py: Python<'py>,
         points: PyReadonlyArray2<'py, f64>,
         normals: PyReadonlyArray2<'py, f64>,
-        direct: bool,
+        afresh: [bool; 2],
         seed: u64,
         threads: Option<usize>,
     ) -> PyResult<Values<'py>> {
         let sites = sites(points.as_array(), normals.as_array());
-        let probed = if direct {
-            run(py, threads, None, &Arc::default(), |progress| {
-                Probe::new(&self.solution).values_with_direct_light(&sites, seed, progress)
-            })?
-        } else {
-            py.detach(|| Probe::new(&self.solution).values(&sites))
-        };
+        let probed = run(py, threads, None, &Arc::default(), |progress| {
+            let probe = Probe::new(&self.solution);
+            match afresh {
+                [_, true] => probe.values_gathered(&sites, seed, progress),
+                [true, _] => probe.values_with_direct_light(&sites, seed, progress),
+                _ => Ok(probe.values(&sites)),
+            }
+        })?;
         let warnings = probed.warnings();
         Ok((arrays::owned(py, probed.irradiance)?, arrays::owned(py, probed.radiosity)?, warnings))
     }

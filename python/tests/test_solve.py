@@ -263,8 +263,10 @@ def test_direct_light_at_points_has_shadows_as_sharp_as_they_are() -> None:
     solution = hatbox.solve(scene, elements=200, tolerance=1e-3, error_points=0, progress=False)
     points = np.column_stack([np.linspace(-0.42, 0.42, 85), np.zeros((85, 2))])
     up = np.array([0.0, 0.0, 1.0])
-    dark, plain = (solution.probe(points, up, direct=direct, threads=1).irradiance[:, 0] for direct in (True, False))
+    ways: list[dict[str, bool]] = [{"direct": True}, {"gather": True}, {}]
+    dark, gathered, plain = (solution.probe(points, up, **way, threads=1).irradiance[:, 0] for way in ways)
     assert np.abs(dark).max() < 2e-3
+    assert np.abs(gathered).max() < 2e-3
     assert np.abs(plain).max() > 0.05
 
 

@@ -192,8 +192,11 @@ pub(crate) struct ProbeArgs {
     /// Without, values are those of the functions that were solved for, which blur the edges of shadows within an element.
     #[arg(long)]
     pub(crate) direct: bool,
-    /// Seed of the rays of `--direct`, where so much stands before a lamp that rays are needed
-    #[arg(long, value_name = "N", default_value_t = 0, requires = "direct")]
+    /// Gather all light afresh at each point: the most accurate, at the price of a visit of every surface for every point
+    #[arg(long, conflicts_with = "direct")]
+    pub(crate) gather: bool,
+    /// Seed of the rays of `--direct` and `--gather`, where so much stands between that rays are needed
+    #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
     /// Table (.csv) or array (.npy) to write; standard output if not given
     ///
@@ -206,7 +209,8 @@ pub(crate) struct ProbeArgs {
 const PROBE_EXAMPLES: &str = "\
 Example:
   hatbox probe room.npz --points grid.csv -o lux.csv
-  hatbox probe room.npz --points desk.csv --direct -o desk.csv";
+  hatbox probe room.npz --points desk.csv --direct -o desk.csv
+  hatbox probe room.npz --points desk.csv --gather -o desk.csv";
 
 #[derive(Debug, Args)]
 #[command(after_help = RENDER_EXAMPLES)]

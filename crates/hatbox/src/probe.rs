@@ -7,7 +7,8 @@
 
 use crate::linalg::MultiVector;
 use crate::progress::{Interrupted, Progress};
-use crate::radiosity::{Direct, Shown, Solution};
+use crate::quadrature::sequence::hash;
+use crate::radiosity::{Direct, Shown, Solution, Sources};
 use crate::visibility::Bvh;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -134,6 +135,40 @@ impl<'a> Probe<'a> {
             for (band, light) in correction.iter().enumerate() {
                 probed.irradiance.band_mut(band)[row] += light;
                 probed.radiosity.band_mut(band)[row] += scene.material(place.cell).reflectance.at(&site, band) * light;
+            }
+        }
+        Ok(probed)
+    }
+
+    /// The same with all light as it falls on each point, gathered from every surface of the solution: I. H. Sloan's iterate,
+    /// the most accurate value that a solution has for a point ([`Sources`]). It takes a visit of every surface for every
+    /// point. `seed` chooses rays, where any are needed.
+    ///
+    /// # Errors
+    /// [`Interrupted`].
+    pub fn values_gathered(
+        &self,
+        points: &[(DVec3, DVec3)],
+        seed: u64,
+        progress: &dyn Progress,
+    ) -> Result<Probed, Interrupted> {
+        let (places, sources) = (self.places(points), Sources::all(self.solution));
+        progress.begin("gathering", places.len() as u64);
+        let light = |(row, place): (usize, &Option<Place>)| {
+            progress.advance(1);
+            let gather = |place: Place| sources.irradiance(place.cell, place.at, hash(seed, row as u64));
+            if progress.interrupted() { Err(Interrupted) } else { Ok(place.map(gather)) }
+        };
+        let lights: Vec<_> = places.par_iter().enumerate().map(light).collect::<Result<_, _>>()?;
+        progress.end();
+        let (mut probed, scene) = (self.at(&places), &self.solution.scene);
+        for (row, (place, light)) in places.iter().zip(lights).enumerate() {
+            let Some((place, light)) = place.zip(light) else { continue };
+            let (material, site) = (scene.material(place.cell), scene.site(place.cell, place.at));
+            for (band, e) in light.into_iter().enumerate() {
+                probed.irradiance.band_mut(band)[row] = e;
+                probed.radiosity.band_mut(band)[row] =
+                    material.exitance.at(&site, band) + material.reflectance.at(&site, band) * e;
             }
         }
         Ok(probed)

@@ -68,6 +68,22 @@ fn the_light_of_a_lamp_is_exact_at_points_on_either_side_of_a_hard_shadow_in_any
 }
 
 #[test]
+fn gathered_light_is_exact_on_either_side_of_a_hard_shadow() {
+    let (solution, points) = (solution(&ALL[1]), points());
+    let probe = Probe::new(&solution);
+    let gathered = probe.values_gathered(&points, 0, &Silent).expect("nobody stops it");
+    let direct = probe.values_with_direct_light(&points, 0, &Silent).expect("nobody stops it");
+    for (k, (at, _)) in points.iter().enumerate() {
+        // Nothing comes from elsewhere but what the lamp and the sheet reflect, and both are black.
+        let (e, b) = (gathered.irradiance.band(0)[k], gathered.radiosity.band(0)[k]);
+        assert!((e - exact(at.x)).abs() < 2e-3 * exact(0.8), "{e} at {}", at.x);
+        assert!((b - 0.5 * e).abs() < 1e-12, "B = R E: {b} {e}");
+        assert!((e - direct.irradiance.band(0)[k]).abs() < 2e-3 * exact(0.8));
+    }
+    assert_eq!(probe.values_gathered(&points, 0, &Impatient), Err(Interrupted));
+}
+
+#[test]
 fn a_scene_without_lamps_is_left_as_it_is() {
     let mut dark = scene();
     dark.materials[1].exitance = Quantity::gray(0.0);

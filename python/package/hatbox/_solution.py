@@ -203,6 +203,7 @@ class Solution:
         normals: npt.ArrayLike,
         *,
         direct: bool = False,
+        gather: bool = False,
         seed: int = 0,
         threads: int | None = None,
     ) -> Probed:
@@ -213,7 +214,9 @@ class Solution:
             normals: Directions of any length, shape (n, 3) or (3,).
             direct: Whether the light of lamps is taken as it falls on each point, with shadows as sharp as they are,
                 instead of as functions on elements have it.
-            seed: Of the rays, where so much stands before a lamp that rays are needed.
+            gather: Whether all light is gathered afresh at each point: the most accurate, at the price of a visit of every
+                surface for every point. It has the direct light in it.
+            seed: Of the rays, where so much stands between that rays are needed.
             threads: How many; as many as there are processors if not given.
 
         Raises:
@@ -228,7 +231,7 @@ class Solution:
         )
         if directions.shape != positions.shape:
             raise HatboxError(f"normals: the shape is {directions.shape}, but {positions.shape} is needed")
-        irradiance, radiosity, doubts = self._native.probe(positions, directions, direct, seed, threads)
+        irradiance, radiosity, doubts = self._native.probe(positions, directions, (direct, gather), seed, threads)
         for doubt in doubts:
             warnings.warn(doubt, HatboxWarning, stacklevel=2)
         return Probed(irradiance.T, radiosity.T)

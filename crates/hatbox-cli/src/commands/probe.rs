@@ -25,10 +25,11 @@ pub(super) fn run(args: &ProbeArgs, talk: Talk) -> Result<(), Failure> {
     // 3. The values there.
     let places: Vec<_> = points.iter().map(|point| (point.position, point.normal)).collect();
     let probe = Probe::new(&solution);
-    let probed = if args.direct {
-        probe.values_with_direct_light(&places, args.seed, &Bars::new(talk.shows_progress()))?
-    } else {
-        probe.values(&places)
+    let progress = Bars::new(talk.shows_progress());
+    let probed = match (args.direct, args.gather) {
+        (false, false) => probe.values(&places),
+        (true, _) => probe.values_with_direct_light(&places, args.seed, &progress)?,
+        (_, true) => probe.values_gathered(&places, args.seed, &progress)?,
     };
     output::warn(&probed.warnings());
     // 4. The table.

@@ -6,17 +6,75 @@
 //! cast only where too many of them stand in the way.
 
 use super::Solution;
+use super::system::strengths;
 use crate::assemble::{Panel, Region};
 use crate::exchange::{PointRow, Views};
 use crate::kernel::geometric;
 use crate::quadrature::sequence::{hash, point};
-use crate::visibility::Visibility;
+use crate::visibility::{Bvh, Occluders, Visibility};
 use glam::DVec3;
 
 /// A ray stands for at most this solid angle, divided by the panel's strength.
 const FINEST: f64 = 1e-2;
 /// Rays to one panel at the most.
 const MAX_RAYS: u32 = 1024;
+
+/// How far a point is moved into its cell, relative to the way to the middle: on an edge the plane of the other face is
+/// seen from neither side.
+const INWARD: f64 = 1e-4;
+
+/// Cells of a solved scene as sources of light, and what stands before them: all that a solution has to tell without the
+/// system that it came from.
+pub struct Sources<'a> {
+    pub(super) solution: &'a Solution,
+    pub(super) cells: Vec<usize>,
+    pub(super) panels: Vec<Panel>,
+    pub(super) strengths: Vec<f64>,
+    occluders: Occluders,
+    blockers: Bvh,
+}
+
+impl<'a> Sources<'a> {
+    /// All cells.
+    pub fn all(solution: &'a Solution) -> Self {
+        Self::of(solution, |_| true)
+    }
+
+    /// Those with a strength that is chosen: the light that leaves them, relative to a mean one.
+    pub(super) fn of(solution: &'a Solution, chosen: impl Fn(f64) -> bool) -> Self {
+        let (scene, space) = (&solution.scene, &solution.space);
+        let all = strengths(scene);
+        let cells: Vec<usize> = (0..all.len()).filter(|&cell| chosen(all[cell])).collect();
+        Self {
+            panels: cells.iter().map(|&cell| Panel::of_cell(&scene.mesh, space, cell)).collect(),
+            strengths: cells.iter().map(|&cell| all[cell]).collect(),
+            cells,
+            occluders: Occluders::new(&scene.surfaces),
+            blockers: Bvh::of_surfaces(&scene.surfaces),
+            solution,
+        }
+    }
+
+    pub(super) fn views(&self) -> Views<'_> {
+        Views { occluders: &self.occluders, blockers: &self.blockers }
+    }
+
+    /// What arrives from them at a point of a cell (reference coordinates), per band. `seed` chooses the rays where too
+    /// much stands between for shadows to be cut out.
+    pub fn irradiance(&self, cell: usize, at: [f64; 2], seed: u64) -> Vec<f64> {
+        let mesh = &self.solution.scene.mesh;
+        let patch = mesh.patch(cell);
+        let gather = Gather {
+            panels: &self.panels,
+            cells: Some(&self.cells),
+            views: self.views(),
+            strengths: &self.strengths,
+            solution: self.solution,
+        };
+        let x = patch.point(at).lerp(patch.center(), INWARD);
+        gather.irradiance(x, patch.normal(), mesh.cells[cell].surface, seed)
+    }
+}
 
 /// Gathers irradiance from the panels of a solved scene.
 pub struct Gather<'a> {

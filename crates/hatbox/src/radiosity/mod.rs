@@ -20,7 +20,7 @@ mod solved;
 mod system;
 
 pub use direct::{Direct, Projected};
-pub use gather::Gather;
+pub use gather::{Gather, Sources};
 pub use indicator::local_error;
 pub use reconstruct::{error_of, gathered};
 pub use residual::{ErrorEstimate, Estimated, Sampling, estimate_error};

@@ -1,17 +1,12 @@
 //! What is made of a solution for output.
 
-use super::direct::INWARD;
-use super::system::strengths;
-use super::{Gather, Solution, local_error};
-use crate::assemble::Panel;
+use super::{Solution, Sources, local_error};
 use crate::element::ALL;
-use crate::exchange::Views;
 use crate::linalg::MultiVector;
 use crate::progress::{Interrupted, Progress};
 use crate::quadrature::sequence::hash;
 use crate::scene::{Material, Quantity, Scene};
 use crate::space::FunctionSpace;
-use crate::visibility::{Bvh, Occluders};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -23,11 +18,7 @@ use std::sync::Arc;
 /// [`Interrupted`].
 pub fn gathered(solution: &Solution, seed: u64, progress: &dyn Progress) -> Result<Solution, Interrupted> {
     let (scene, space) = (&solution.scene, &solution.space);
-    let panels = Panel::of(&scene.mesh, space);
-    let (occluders, blockers) = (Occluders::new(&scene.surfaces), Bvh::of_surfaces(&scene.surfaces));
-    let views = Views { occluders: &occluders, blockers: &blockers };
-    let gather = Gather { panels: &panels, cells: None, views, strengths: &strengths(scene), solution };
-    let nodes = nodes(space);
+    let (sources, nodes) = (Sources::all(solution), nodes(space));
     progress.begin("gathering", nodes.len() as u64);
     let values: Result<Vec<Vec<[f64; 2]>>, Interrupted> = nodes
         .par_iter()
@@ -37,7 +28,7 @@ pub fn gathered(solution: &Solution, seed: u64, progress: &dyn Progress) -> Resu
             if progress.interrupted() {
                 return Err(Interrupted);
             }
-            Ok(at_node(scene, &gather, cell, space.element(cell).nodes[node].at, hash(seed, k as u64)))
+            Ok(at_node(scene, &sources, cell, space.element(cell).nodes[node].at, hash(seed, k as u64)))
         })
         .collect();
     progress.end();
@@ -67,10 +58,8 @@ fn nodes(space: &FunctionSpace) -> Vec<(usize, usize)> {
 }
 
 /// (B, E) per band at a node of a cell.
-fn at_node(scene: &Scene, gather: &Gather<'_>, cell: usize, at: [f64; 2], seed: u64) -> Vec<[f64; 2]> {
-    let patch = scene.mesh.patch(cell);
-    let x = patch.point(at).lerp(patch.center(), INWARD);
-    let e = gather.irradiance(x, patch.normal(), scene.mesh.cells[cell].surface, seed);
+fn at_node(scene: &Scene, sources: &Sources<'_>, cell: usize, at: [f64; 2], seed: u64) -> Vec<[f64; 2]> {
+    let e = sources.irradiance(cell, at, seed);
     let (material, site) = (scene.material(cell), scene.site(cell, at));
     let of =
         |(band, &e): (usize, &f64)| [material.exitance.at(&site, band) + material.reflectance.at(&site, band) * e, e];
