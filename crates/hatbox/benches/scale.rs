@@ -106,12 +106,11 @@ fn run(name: &str, elements: usize, kind: &str, tolerance: f64) {
     let solver = system.best_solver();
     let (_, again) = system.solve(solver, &system.solver_params(solver), &Silent).expect("solved again");
     println!(
-        "{name:<10} {kind:<12} {:>9} {:>9} {build:>7.1} {solve:>7.1} {check:>7.1} {:>7.1} {:>3}, {:>2} {cpu:>7.1} {peak:>8.0} {:>8.0} {:>6.2} % {:>6.2} %",
+        "{name:<10} {kind:<12} {:>9} {:>9} {build:>7.1} {solve:>7.1} {check:>7.1} {:>7.1} {:>7} {cpu:>7.1} {peak:>8.0} {:>8.0} {:>6.2} % {:>6.2} %",
         system.space.cells(),
         scene.surfaces.len(),
         started.elapsed().as_secs_f64(),
-        solved.info.iterations,
-        again.iterations,
+        format!("{}/{}", solved.info.iterations, again.iterations),
         solved.operator.bytes as f64 / 1e6,
         100.0 * noise,
         solved.error.map_or(0.0, |error| 100.0 * error.relative),

@@ -14,7 +14,7 @@ use hatbox::scene::Scene;
 use std::path::Path;
 
 /// Points, one in each cell of a uniform mesh of so many.
-const POINTS: usize = 4000;
+const POINTS: usize = 16_000;
 /// The tolerance of the solution that is gathered from.
 const FINE: f64 = 0.002;
 

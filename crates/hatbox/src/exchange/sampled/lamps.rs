@@ -4,6 +4,9 @@
 //! the whole face, in closed form, times the share of it that rays to points of the face find visible, at the points of a
 //! rule on every receiving cell. The rest is small and goes with the other rays.
 //!
+//! The points of a cell share one net of places on a lamp, and cells that are neighbours have neighbouring parts of a
+//! larger one, as their other rays have: what joins them averages half-shadows over a finer net.
+//!
 //! A point has a budget of shadow rays, shared among the lamps by how much they can give at most; a lamp whose share is
 //! less than one ray gets one with that probability, and counts accordingly more. So a building with a lamp in every
 //! room costs what one room costs, except for the estimates: these are made for every cell and every lamp, and that is
@@ -131,12 +134,16 @@ impl Lamps {
     ) -> (Vec<Entry>, u64) {
         let patch = cells.patch(cell);
         let n = cells.element(cell).dofs();
+        let points = receivers.rule.points.len().next_power_of_two() as u32;
+        let each = (MORE * budget).next_power_of_two();
+        let start = tracer.block_of(cell).wrapping_mul(points);
         let mut rays = 0;
         let mut found: Vec<Entry> = Vec::new();
         for (q, (&at, weights)) in receivers.rule.points.iter().zip(&receivers.weights).enumerate() {
-            let set = hash(hash(self.seed, cell as u64), q as u64);
+            let dice = hash(hash(self.seed, cell as u64), q as u64);
+            let draw = Draw { dice, net: self.seed, first: start.wrapping_add(q as u32).wrapping_mul(each) };
             let x = (patch.point(at), patch.normal(), cells.surface(cell));
-            rays += self.at_point(x, budget, set, &tracer.blockers, |lamp, value| {
+            rays += self.at_point(x, budget, draw, &tracer.blockers, |lamp, value| {
                 let index = found.iter().position(|entry| entry.lamp == lamp).unwrap_or_else(|| {
                     found.push(Entry { lamp, values: [0.0; MAX_DOFS] });
                     found.len() - 1
@@ -154,7 +161,7 @@ impl Lamps {
         &self,
         (x, n, surface): (DVec3, DVec3, u32),
         budget: u32,
-        set: u64,
+        draw: Draw,
         blockers: &Bvh,
         mut give: impl FnMut(u32, f64),
     ) -> u64 {
@@ -166,13 +173,13 @@ impl Lamps {
                 continue;
             }
             let share = f64::from(budget) * most / total;
-            let set = hash(set, k as u64);
+            let draw = Draw { dice: hash(draw.dice, k as u64), net: hash(draw.net, k as u64), ..draw };
             let chance = share.clamp(ROULETTE, 1.0);
-            if (set >> 11) as f64 >= chance * 2_f64.powi(53) {
+            if (draw.dice >> 11) as f64 >= chance * 2_f64.powi(53) {
                 continue;
             }
             let Some(whole) = point_row(&lamp.panel, x, n) else { continue };
-            let mut sight = Sight { from: (x, n, surface), lamp, set, blockers, cast: 0, seen: 0.0, all: 0.0 };
+            let mut sight = Sight { from: (x, n, surface), lamp, draw, blockers, cast: 0, seen: 0.0, all: 0.0 };
             sight.cast_to(share.ceil().max(1.0) as u32);
             if sight.seen > 0.0 && sight.seen < sight.all {
                 sight.cast_to(MORE * sight.cast);
@@ -196,7 +203,7 @@ impl Lamps {
         sum: &mut [f64],
     ) -> f64 {
         let (bands, mut factor) = (sum.len(), 0.0);
-        self.at_point(x, budget, set, blockers, |lamp, value| {
+        self.at_point(x, budget, Draw { dice: set, net: set, first: 0 }, blockers, |lamp, value| {
             factor += value;
             let means = &means[lamp as usize * bands..];
             sum.iter_mut().zip(means).for_each(|(sum, mean)| *sum += value * mean);
@@ -253,11 +260,21 @@ impl Lamp {
     }
 }
 
+/// What is left to chance at a point.
+#[derive(Debug, Clone, Copy)]
+struct Draw {
+    /// Decides whether rays are cast at all.
+    dice: u64,
+    /// The net of places on a lamp, and the first of the point's own.
+    net: u64,
+    first: u32,
+}
+
 /// A point looking at a lamp.
 struct Sight<'a> {
     from: (DVec3, DVec3, u32),
     lamp: &'a Lamp,
-    set: u64,
+    draw: Draw,
     blockers: &'a Bvh,
     cast: u32,
     seen: f64,
@@ -269,7 +286,7 @@ impl Sight<'_> {
     fn cast_to(&mut self, rays: u32) {
         let ((x, n, surface), panel) = (self.from, &self.lamp.panel);
         for k in self.cast..rays {
-            let [u, v, ..] = point(self.set, k);
+            let [u, v, ..] = point(self.draw.net, self.draw.first.wrapping_add(k));
             let y = panel.sample(u, v);
             let g = geometric(x, n, y, panel.normal());
             self.all += g;

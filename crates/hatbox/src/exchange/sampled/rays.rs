@@ -125,6 +125,11 @@ impl Tracer {
         Self { blockers, locator, lamps, blocks: Blocks::new(seed, rays), block }
     }
 
+    /// The place of a cell among all along a curve through space.
+    pub(super) fn block_of(&self, cell: usize) -> u32 {
+        self.block[cell]
+    }
+
     pub(super) fn is_lamp(&self, cell: usize) -> bool {
         self.lamps[cell / 64] >> (cell % 64) & 1 == 1
     }
