@@ -111,21 +111,23 @@ impl Solution {
     }
 
     /// E and B at points with normals.
+    #[expect(clippy::too_many_arguments, reason = "Python names them")]
     fn probe<'py>(
         &self,
         py: Python<'py>,
         points: PyReadonlyArray2<'py, f64>,
         normals: PyReadonlyArray2<'py, f64>,
-        afresh: [bool; 2],
+        direct: bool,
+        gather: bool,
         seed: u64,
         threads: Option<usize>,
     ) -> PyResult<Values<'py>> {
         let sites = sites(points.as_array(), normals.as_array());
         let probed = run(py, threads, None, &Arc::default(), |progress| {
             let probe = Probe::new(&self.solution);
-            match afresh {
-                [_, true] => probe.values_gathered(&sites, seed, progress),
-                [true, _] => probe.values_with_direct_light(&sites, seed, progress),
+            match (direct, gather) {
+                (_, true) => probe.values_gathered(&sites, seed, progress),
+                (true, _) => probe.values_with_direct_light(&sites, seed, progress),
                 _ => Ok(probe.values(&sites)),
             }
         })?;

@@ -267,6 +267,8 @@ def test_direct_light_at_points_has_shadows_as_sharp_as_they_are() -> None:
     dark, gathered, plain = (solution.probe(points, up, **way, threads=1).irradiance[:, 0] for way in ways)
     assert np.abs(dark).max() < 2e-3
     assert np.abs(gathered).max() < 2e-3
+    with pytest.raises(hatbox.HatboxError, match="choose one"):
+        solution.probe(points, up, direct=True, gather=True)
     assert np.abs(plain).max() > 0.05
 
 

@@ -190,13 +190,13 @@ pub(crate) struct ProbeArgs {
     /// Take the light of lamps as it falls on each point, with shadows as sharp as they are
     ///
     /// Without, values are those of the functions that were solved for, which blur the edges of shadows within an element.
-    #[arg(long)]
+    #[arg(long, group = "afresh")]
     pub(crate) direct: bool,
     /// Gather all light afresh at each point: the most accurate, at the price of a visit of every surface for every point
-    #[arg(long, conflicts_with = "direct")]
+    #[arg(long, group = "afresh")]
     pub(crate) gather: bool,
     /// Seed of the rays of `--direct` and `--gather`, where so much stands between that rays are needed
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "afresh")]
     pub(crate) seed: u64,
     /// Table (.csv) or array (.npy) to write; standard output if not given
     ///

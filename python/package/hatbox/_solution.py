@@ -214,13 +214,13 @@ class Solution:
             normals: Directions of any length, shape (n, 3) or (3,).
             direct: Whether the light of lamps is taken as it falls on each point, with shadows as sharp as they are,
                 instead of as functions on elements have it.
-            gather: Whether all light is gathered afresh at each point: the most accurate, at the price of a visit of every
-                surface for every point. It has the direct light in it.
+            gather: Whether all light is gathered afresh at each point: the most accurate, at the price of a visit of
+                every surface for every point. The direct light is in it.
             seed: Of the rays, where so much stands between that rays are needed.
             threads: How many; as many as there are processors if not given.
 
         Raises:
-            HatboxError: A wrong shape.
+            HatboxError: A wrong shape, or both `direct` and `gather`.
             KeyboardInterrupt: Ctrl-C.
 
         Points that lie far from any surface, and those that find none, are a `HatboxWarning`.
@@ -231,7 +231,9 @@ class Solution:
         )
         if directions.shape != positions.shape:
             raise HatboxError(f"normals: the shape is {directions.shape}, but {positions.shape} is needed")
-        irradiance, radiosity, doubts = self._native.probe(positions, directions, (direct, gather), seed, threads)
+        if direct and gather:
+            raise HatboxError("direct and gather: what is gathered has the direct light in it\n  help: choose one")
+        irradiance, radiosity, doubts = self._native.probe(positions, directions, direct, gather, seed, threads)
         for doubt in doubts:
             warnings.warn(doubt, HatboxWarning, stacklevel=2)
         return Probed(irradiance.T, radiosity.T)
@@ -317,8 +319,8 @@ def solve(
         seed: Seed of everything that is sampled.
         threads: Number of threads, here and in all that is done with `Solution.system`; as many as there are processors
             if not given. No result depends on it.
-        error_points: Number of points at which the error is estimated; with 0 it stays unknown, which needs a given
-            subdivision.
+        error_points: Number of points at which the error is estimated, at the least; with 0 it stays unknown, which
+            needs a given subdivision.
 
     Raises:
         HatboxError: A name that is in no list, a tolerance or subdivision that is impossible, too many unknowns, no

@@ -195,7 +195,7 @@ class System:
 
         Args:
             solver: "auto" or a name of `hatbox.SOLVERS`.
-            error_points: Number of points at which the error is estimated; with 0 it stays unknown.
+            error_points: Number of points at which the error is estimated, at the least; with 0 it stays unknown.
             gather: Whether the light is gathered once more at the nodes: sharper shadows, half an order more accurate.
             threads: Number of threads; that of the system if not given.
             progress: As in `System`.

@@ -122,7 +122,7 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
             Ok(focus.clone())
         };
         let system = System::of_cells(scene, &settings, progress)?;
-        let (solved, estimated) = system.solved_within(&settings, within, progress)?;
+        let (solved, estimated) = system.solved_within(&settings, options.tolerance, within, progress)?;
         let estimate = estimated.as_ref().map_or(0.0, |estimated| estimated.error.relative);
         let elements = solved.solution.space.cells();
         rounds.push(Round { elements, unknowns: solved.unknowns, estimate, time: started.elapsed() });

@@ -95,16 +95,23 @@ impl BlockDiagonal {
     pub fn product(&self, other: &Self) -> Self {
         assert_eq!(self.offsets, other.offsets, "blocks of the same sizes");
         let bands = self.bands.len().max(other.bands.len());
-        let mut product = Self { bands: vec![vec![0.0; self.starts[self.blocks()]]; bands], ..self.clone() };
-        for band in 0..bands {
-            for block in 0..self.blocks() {
+        let mut product = Self::zeros(&self.offsets, bands);
+        for (band, numbers) in product.bands.iter_mut().enumerate() {
+            let mut places = Vec::with_capacity(self.blocks());
+            let mut rest = &mut numbers[..];
+            for pair in self.starts.windows(2) {
+                let (place, after) = rest.split_at_mut(pair[1] - pair[0]);
+                places.push(place);
+                rest = after;
+            }
+            places.into_par_iter().with_min_len(LEAST_BLOCKS).enumerate().for_each(|(block, place)| {
                 let n = self.offsets[block + 1] - self.offsets[block];
                 let (a, b) = (self.block(band, block), other.block(band, block));
-                for (k, entry) in product.block_mut(band, block).iter_mut().enumerate() {
+                for (k, entry) in place.iter_mut().enumerate() {
                     let (row, column) = (k / n, k % n);
                     *entry = (0..n).map(|j| a[row * n + j] * b[j * n + column]).sum();
                 }
-            }
+            });
         }
         product
     }

@@ -16,6 +16,7 @@ use crate::quadrature::sequence::hash;
 
 /// Of the light of a lamp on a cell, this much may be missed by the projection that is taken out.
 const TOLERANCE: f64 = 1e-3;
+
 /// What the lamps of a solved scene send to points, beside what its functions say that they do.
 pub struct Direct<'a> {
     lamps: Sources<'a>,

@@ -23,8 +23,11 @@ const MAX_RAYS: u32 = 1024;
 /// seen from neither side.
 const INWARD: f64 = 1e-4;
 
-/// Cells of a solved scene as sources of light, and what stands before them: all that a solution has to tell without the
-/// system that it came from.
+/// Cells of a solved scene as sources of light, and what stands before them:
+///
+/// E(x) = Σ_c ∫ B_c(y) G(x, y) V(x, y) dA(y),
+///
+/// c running over the chosen cells.
 pub struct Sources<'a> {
     pub(super) solution: &'a Solution,
     pub(super) cells: Vec<usize>,
@@ -40,7 +43,7 @@ impl<'a> Sources<'a> {
         Self::of(solution, |_| true)
     }
 
-    /// Those with a strength that is chosen: the light that leaves them, relative to a mean one.
+    /// Those with a strength that is chosen: their exitance relative to the mean irradiance, and 1 at the least.
     pub(super) fn of(solution: &'a Solution, chosen: impl Fn(f64) -> bool) -> Self {
         let (scene, space) = (&solution.scene, &solution.space);
         let all = strengths(scene);

@@ -29,9 +29,10 @@ use crate::quadrature::sequence::{hash, point};
 use crate::solve::{Info, SolveError};
 use rayon::prelude::*;
 
-/// Points are added until two standard errors are less than this share of the mean of r², or there are so many times those that
-/// were asked for. A quarter is an eighth of the norm. Where r is even, the first points do; where it sits at the edge of a
-/// shadow they may err by half.
+/// Points are added until two standard errors are less than this share of the mean of r², or the error is surely more than is
+/// wanted, or there are so many times those that were asked for. A quarter is an eighth of the norm. Where r is even, the
+/// first points do; where it sits at the edge of a shadow they may err by half. (That points which happen to miss an edge
+/// ask for no others is a bias; the third of them that follows the indicators is there to see edges.)
 const PRECISE: f64 = 0.25;
 const MOST_TIMES: usize = 16;
 /// Standard errors that are added to the mean of r²: few points fall where r is greatest, at edges and in corners.
@@ -81,8 +82,12 @@ pub struct Estimated {
 /// How an error is to be estimated.
 #[derive(Debug, Clone, Copy)]
 pub struct Sampling<'a> {
-    /// Number of points.
+    /// Number of points to begin with: there are up to sixteen times as many where r² scatters, until two standard errors are a
+    /// quarter of its mean.
     pub points: usize,
+    /// The relative error that is wanted: where it is surely more, nothing is to be gained from more points. 0 if any
+    /// answer is.
+    pub wanted: f64,
     /// Seed of the points and rays.
     pub seed: u64,
     /// Which cells the error is asked of: all if not given.
@@ -226,9 +231,12 @@ impl<'a> Measure<'a> {
     fn samples(&self, progress: &dyn Progress) -> Result<Vec<Sample>, SolveError> {
         let (first, seed) = (self.sampling.points, hash(self.sampling.seed, 0x0065_7272_6f72));
         let mut samples = self.some_samples(first, seed, progress)?;
+        let mut batch = 0;
         while samples.len() < MOST_TIMES * first && self.is_vague(&samples) {
-            let more = samples.len();
-            samples.extend(self.some_samples(more, hash(seed, more as u64), progress)?);
+            batch += 1;
+            // Seeds of their own: those of points' rays are hashes of small numbers.
+            let seed = hash(hash(seed, u64::MAX), batch);
+            samples.extend(self.some_samples(samples.len(), seed, progress)?);
         }
         samples.sort_by_key(|sample| sample.cell);
         Ok(samples)
@@ -301,10 +309,11 @@ impl<'a> Measure<'a> {
 
     /// Whether more points would tell more, in any band; not where there is no number, which would not become one.
     fn is_vague(&self, samples: &[Sample]) -> bool {
-        (0..self.solution.bands()).any(|band| {
-            let [mean, deviation] = self.mean_square(samples, band);
-            DEVIATIONS * deviation > PRECISE * mean
-        })
+        let bands = || (0..self.solution.bands()).map(|band| (self.mean_square(samples, band), self.norms[band]));
+        let too_much = |([mean, deviation], norm): ([f64; 2], f64)| {
+            self.sampling.wanted > 0.0 && mean - DEVIATIONS * deviation > (self.sampling.wanted * norm).powi(2)
+        };
+        !bands().any(too_much) && bands().any(|([mean, deviation], _)| DEVIATIONS * deviation > PRECISE * mean)
     }
 
     /// ‖r‖ with two standard errors, and the data's part, per band.

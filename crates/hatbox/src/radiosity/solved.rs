@@ -33,7 +33,8 @@ pub struct Options {
     pub seed: u64,
     /// Most bytes that the operator may store.
     pub memory: usize,
-    /// Points at which the error is estimated; 0 leaves it unknown.
+    /// Points at which the error is estimated, at the least, and up to sixteen times as many
+    /// ([`Sampling`](super::Sampling)); 0 leaves it unknown.
     pub error_points: usize,
 }
 
@@ -198,17 +199,18 @@ impl System {
     /// # Errors
     /// [`Error::Solve`].
     pub fn solved(&self, options: &Options, progress: &dyn Progress) -> Result<Solved, Error> {
-        self.solved_within(options, |_, _| Ok(None), progress).map(|(solved, _)| solved)
+        self.solved_within(options, 0.0, |_, _| Ok(None), progress).map(|(solved, _)| solved)
     }
 
-    /// The same. The error is estimated on the cells that `within` chooses, all if it chooses none; with it comes what it
-    /// is made of.
+    /// The same. The error is estimated on the cells that `within` chooses, all if it chooses none, and no longer than it takes to
+    /// know that it is more than is `wanted`; with it comes what it is made of.
     ///
     /// # Errors
     /// [`Error::Solve`].
     pub fn solved_within(
         &self,
         options: &Options,
+        wanted: f64,
         within: impl FnOnce(&Self, &Solution) -> Result<Option<Vec<bool>>, SolveError>,
         progress: &dyn Progress,
     ) -> Result<(Solved, Option<Estimated>), Error> {
@@ -217,7 +219,7 @@ impl System {
         let (solution, info) = self.solve(kind, &self.solver_params(kind), progress)?;
         let solver_time = started.elapsed();
         let within = within(self, &solution)?;
-        let sampling = Sampling { points: options.error_points, seed: options.seed, within: within.as_deref() };
+        let sampling = Sampling { points: options.error_points, wanted, seed: options.seed, within: within.as_deref() };
         let estimated = (options.error_points > 0)
             .then(|| estimate_error(self, &solution, &info, &sampling, progress))
             .transpose()?;

@@ -16,8 +16,8 @@ use std::time::{Duration, Instant};
 /// The solver always goes this far: beside building the operator it costs next to nothing, and power then balances to
 /// ten digits whatever the operator's tolerance.
 const SOLVER_TOLERANCE: f64 = 1e-11;
-/// Products of a sampled operator are most of the time, and it errs by so much that it goes so far as this share of its
-/// error, but not less far than the last number.
+/// With an operator that is sampled, products are most of the time, and what it errs by is far more: the solver goes to this
+/// share of the operator's error, but no farther than the first of these numbers, and at least as far as the second.
 const SAMPLED_SOLVER_SHARE: f64 = 1e-3;
 const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-5];
 /// Bounces that Neumann's iteration may take at the most.
@@ -246,7 +246,8 @@ impl System {
 
     /// Solves Δ b = b⁰ + F̂ b for the scene's emission.
     ///
-    /// Conjugate gradients need a symmetric S and R constant on every element; else GMRES takes their place.
+    /// Conjugate gradients need a symmetric S and R constant on every element; else GMRES takes their place. Both solve for
+    /// the light that is reflected, and their residuals are relative to its first bounce; Neumann's are relative to b⁰.
     ///
     /// # Errors
     /// [`Error::Solve`].
@@ -288,8 +289,13 @@ impl System {
                 neumann(&self.inverse_mass(), &transport, &right_side, &mut b, params, progress)?
             }
             _ => {
+                // What is reflected: the residual is relative to its first bounce, however bright the lamps.
+                let first = transport.times(&b);
+                let mut reflected = MultiVector::zeros(b.rows(), b.bands());
                 let equation = Equation { mass: self.joined_mass(), transport };
-                gmres(&equation, &*self.preconditioner, &right_side, &mut b, params, progress)?
+                let info = gmres(&equation, &*self.preconditioner, &first, &mut reflected, params, progress)?;
+                b.add_scaled(1.0, &reflected);
+                info
             }
         };
         Ok((self.solution(self.join.spread(&b).into_owned()), info))

@@ -71,11 +71,11 @@ impl Sums {
 
     /// The errors of pairs of a place with as many that follow each other, and nothing but errors of pairs that are clear.
     pub(super) fn note_errors(&mut self, i: usize, first: usize, strengths: &[f64], errors: &[f64; LANES]) {
-        let lanes = |all: &[f64]| -> [f64; LANES] { std::array::from_fn(|lane| all[first..][lane]) };
-        let (own, columns) = (strengths[i], [&mut self.clear, &mut self.squares]);
-        let columns = columns.map(|column| column[first..].first_chunk_mut::<LANES>());
-        let [Some(clear), Some(squares)] = columns else { return };
-        let [sum, square] = add_errors(errors, own, &lanes(strengths), clear, squares);
+        let own = strengths[i];
+        let strengths: &[f64; LANES] = strengths[first..].first_chunk().expect("all lanes lie within the row");
+        let [clear, squares] = [&mut self.clear, &mut self.squares]
+            .map(|column| column[first..].first_chunk_mut::<LANES>().expect("all lanes lie within the row"));
+        let [sum, square] = add_errors(errors, own, strengths, clear, squares);
         self.clear[i] += sum;
         self.squares[i] += square;
     }

@@ -4,6 +4,8 @@
 //! Σ w N Nᵀ, not ∫N Nᵀ: a constant then comes back exactly whatever the points are, so that row sums close, and no fit is
 //! larger than what it is fitted to. The second term is worth one ray. It does not see constants, and it decides what
 //! the rays leave open when most of them went to a lamp.
+//!
+//! Where n and the number of bands are known when the loops are compiled, they are unrolled.
 
 #![expect(clippy::inline_always, reason = "loops must be compiled where their lengths are known")]
 
@@ -41,8 +43,6 @@ pub(super) fn add_outer(gram: &mut Matrix, weight: f64, functions: &[f64]) {
         }
     }
 }
-
-// Where n and the number of bands are known when the loops are compiled, they are unrolled.
 
 /// The Cholesky factor of the first n rows of a positive definite matrix.
 #[inline(always)]

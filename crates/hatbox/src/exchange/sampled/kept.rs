@@ -37,6 +37,12 @@ impl Hits {
         Self { words: (rays as usize).div_ceil(WORD), ..Self::default() }
     }
 
+    /// Bytes that a cell takes at the most.
+    pub(super) fn most_bytes(rays: u32) -> usize {
+        let words = (rays as usize).div_ceil(WORD);
+        words * size_of::<u64>() + size_of::<u32>() + rays as usize * size_of::<Hit>()
+    }
+
     /// Adds a cell.
     pub(super) fn push(&mut self, hits: &[Hit]) {
         for some in hits.chunks(WORD) {
@@ -55,7 +61,19 @@ impl Hits {
     }
 
     pub(super) fn shrink(&mut self) {
+        self.arrived.shrink_to_fit();
+        self.ends.shrink_to_fit();
         self.all.shrink_to_fit();
+    }
+
+    /// Whether there is a hit for each bit, cell by cell.
+    fn is_consistent(&self) -> bool {
+        let counts =
+            |cell: usize| self.arrived[cell * self.words..(cell + 1) * self.words].iter().map(|w| w.count_ones());
+        let ends = self.ends.iter().scan(0, |end, &next| Some(next.checked_sub(std::mem::replace(end, next))));
+        self.arrived.len() == self.words * self.ends.len()
+            && self.ends.last().copied().unwrap_or(0) as usize == self.all.len()
+            && ends.enumerate().all(|(cell, count)| count == Some(counts(cell).sum()))
     }
 
     /// The rays of one cell.
@@ -157,7 +175,7 @@ impl Traced {
         };
         let direct = (first, (0..entries).map(entry).collect::<Option<_>>()?);
         let (hits, area, lost) = (Hits { words, arrived, ends, all }, f64::from_bits(area), f64::from_bits(lost));
-        reader.0.is_empty().then_some(Self { hits, direct, rays, area, lost })
+        (reader.0.is_empty() && hits.is_consistent()).then_some(Self { hits, direct, rays, area, lost })
     }
 }
 
@@ -224,5 +242,24 @@ mod tests {
         assert_eq!(Traced::from_bytes(&bytes), Some(traced));
         assert_eq!(Traced::from_bytes(&bytes[1..]), None);
         assert_eq!(Traced::from_bytes(&[]), None);
+        let mut broken = hits();
+        broken.arrived[0] ^= 1 << 5;
+        let direct = (Vec::new(), Vec::new());
+        let broken = Traced { hits: broken, direct, rays: 0, area: 0.0, lost: 0.0 };
+        assert_eq!(Traced::from_bytes(&broken.to_bytes()), None, "a hit for each bit");
+    }
+
+    #[test]
+    fn few_rays_and_whole_words_take_what_they_may() {
+        for rays in [8, 32, 64, 128] {
+            let mut hits = Hits::new(rays);
+            hits.push(&vec![hit(3, 4); rays as usize]);
+            assert_eq!(hits.bytes(), Hits::most_bytes(rays));
+            // Fewer rays than a cell has, as when some are cast again.
+            hits.clear();
+            hits.push(&[hit(1, 0), Hit::LOST, hit(1, 2)]);
+            let [(0, 0b101, found)] = hits.of(0).words(0..3).collect::<Vec<_>>()[..] else { panic!("one word") };
+            assert_eq!(found, [hit(1, 0), hit(1, 2)]);
+        }
     }
 }

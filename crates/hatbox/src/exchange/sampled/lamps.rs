@@ -4,16 +4,20 @@
 //! the whole face, in closed form, times the share of it that rays to points of the face find visible, at the points of a
 //! rule on every receiving cell. The rest is small and goes with the other rays.
 //!
-//! The points of a cell share one net of places on a lamp, and cells that are neighbours have neighbouring parts of a
-//! larger one, as their other rays have: what joins them averages half-shadows over a finer net.
+//! The points of a cell take neighbouring parts of one net of places on a lamp, and so do cells that are neighbours: what
+//! joins them averages half-shadows over a finer net. (In a furnished room of 10⁵ elements the estimated error is 4.0 %
+//! with it and 4.7 % with sets that know nothing of each other.)
 //!
 //! A point has a budget of shadow rays, shared among the lamps by how much they can give at most; a lamp whose share is
-//! less than one ray gets one with that probability, and counts accordingly more. So a building with a lamp in every
-//! room costs what one room costs, except for the estimates: these are made for every cell and every lamp, and that is
-//! why there are at most [`MOST`] lamps, the most powerful ones.
+//! less than one ray gets one with that probability, and counts accordingly more. Of many lamps only some are asked
+//! ([`LampTree`]), so that a building with a lamp in every room costs what one room costs.
+//!
+//! A sky of many faces is no lamp: rays find it, and to ask 64 of a thousand faces is a worse sample of it than they are (a
+//! city block under 512 of them: error 36 %).
 
 use super::cells::Cells;
 use super::fit::{factor, mean_mass, solve};
+use super::lamp_tree::{Bulb, CUT, Chosen, LampTree};
 use super::rays::Tracer;
 use crate::assemble::{Panel, point_row};
 use crate::element::{ALL, Element, MAX_DOFS};
@@ -28,10 +32,12 @@ use std::f64::consts::FRAC_1_PI;
 
 /// Cells that are so many times stronger than a mean one are lamps.
 const STRONG: f64 = 2.0;
-/// The most lamps.
-const MOST: usize = 512;
+/// Strong cells of one material are left to rays if they are more faces than a cut has and more than this share of all area.
+const WIDE: f64 = 1.0 / 16.0;
 /// A lamp that is partly hidden gets so many times more rays.
 const MORE: u32 = 4;
+/// Points of a rule at the most: cells of all elements have so many parts of a lamp's net.
+const MOST_POINTS: u32 = 16;
 /// A ray stands for at most so many rays that were not cast.
 const ROULETTE: f64 = 1.0 / 64.0;
 
@@ -48,6 +54,7 @@ struct Lamp {
 #[derive(Debug)]
 pub(super) struct Lamps {
     all: Vec<Lamp>,
+    tree: LampTree,
     /// The lamp of each cell of one.
     of_cell: BTreeMap<u32, u32>,
     seed: u64,
@@ -86,22 +93,27 @@ impl Receivers {
 impl Lamps {
     /// The sides of faces whose cells are strong, by the strengths of the parameters.
     pub(super) fn new(geometry: &Geometry<'_>, cells: &Cells, params: &Params) -> Self {
-        let mut sides: BTreeMap<(u32, bool), Vec<u32>> = BTreeMap::new();
-        for cell in 0..params.strengths.len().min(cells.len()) {
-            if params.strengths[cell] > STRONG {
-                let surface = cells.surface(cell);
-                let front = geometry.surfaces[surface as usize].patch(DVec3::ZERO).normal();
-                let side = front.dot(cells.patch(cell).normal()) >= 0.0;
-                sides.entry((surface, side)).or_default().push(cell as u32);
-            }
-        }
-        let mut lamps: Vec<Lamp> = sides.values().filter_map(|on| Lamp::new(geometry, cells, params, on)).collect();
-        lamps.sort_by(|a, b| b.power().total_cmp(&a.power()));
-        lamps.truncate(MOST);
-        let numbered = lamps.iter().enumerate();
+        let all: Vec<Lamp> = strong_sides(geometry, cells, params)
+            .iter()
+            .filter_map(|on| Lamp::new(geometry, cells, params, on))
+            .collect();
+        let numbered = all.iter().enumerate();
         let of_cell =
             numbered.flat_map(|(k, lamp)| lamp.cells.iter().map(move |&(cell, _)| (cell, k as u32))).collect();
-        Self { all: lamps, of_cell, seed: params.seed ^ 0x006c_616d_7073 }
+        let tree = LampTree::new(&all.iter().map(Lamp::bulb).collect::<Vec<_>>());
+        Self { all, tree, of_cell, seed: params.seed ^ 0x006c_616d_7073 }
+    }
+
+    /// The lamps to ask on a sphere with a normal.
+    fn asked(&self, x: DVec3, radius: f64, n: DVec3, dice: u64) -> Vec<Chosen> {
+        if self.all.len() <= CUT {
+            return (0..self.all.len() as u32).map(|lamp| Chosen { lamp, times: 1.0 }).collect();
+        }
+        let mut drawn = 0;
+        self.tree.cut(x, radius, n, || {
+            drawn += 1;
+            (hash(dice, drawn) >> 11) as f64 * 2_f64.powi(-53)
+        })
     }
 
     /// The lamp that a cell belongs to.
@@ -134,16 +146,16 @@ impl Lamps {
     ) -> (Vec<Entry>, u64) {
         let patch = cells.patch(cell);
         let n = cells.element(cell).dofs();
-        let points = receivers.rule.points.len().next_power_of_two() as u32;
-        let each = (MORE * budget).next_power_of_two();
-        let start = tracer.block_of(cell).wrapping_mul(points);
-        let mut rays = 0;
+        let start = tracer.block_of(cell).wrapping_mul(MOST_POINTS);
+        let (mut rays, n_patch) = (0, patch.normal());
+        let radius = patch.corners().iter().map(|corner| corner.distance(patch.center())).fold(0.0, f64::max);
+        let asked = self.asked(patch.center(), radius, n_patch, hash(self.seed, cell as u64));
         let mut found: Vec<Entry> = Vec::new();
         for (q, (&at, weights)) in receivers.rule.points.iter().zip(&receivers.weights).enumerate() {
             let dice = hash(hash(self.seed, cell as u64), q as u64);
-            let draw = Draw { dice, net: self.seed, first: start.wrapping_add(q as u32).wrapping_mul(each) };
-            let x = (patch.point(at), patch.normal(), cells.surface(cell));
-            rays += self.at_point(x, budget, draw, &tracer.blockers, |lamp, value| {
+            let draw = Draw { dice, net: self.seed, part: start.wrapping_add(q as u32) };
+            let x = (patch.point(at), n_patch, cells.surface(cell));
+            rays += self.at_point(x, &asked, budget, draw, &tracer.blockers, |lamp, value| {
                 let index = found.iter().position(|entry| entry.lamp == lamp).unwrap_or_else(|| {
                     found.push(Entry { lamp, values: [0.0; MAX_DOFS] });
                     found.len() - 1
@@ -157,36 +169,42 @@ impl Lamps {
     }
 
     /// Calls `give` with each lamp that a point with a normal on a surface sees, and ∫G V over the lamp.
-    pub(super) fn at_point(
+    fn at_point(
         &self,
         (x, n, surface): (DVec3, DVec3, u32),
+        asked: &[Chosen],
         budget: u32,
         draw: Draw,
         blockers: &Bvh,
         mut give: impl FnMut(u32, f64),
     ) -> u64 {
-        let total: f64 = self.all.iter().map(|lamp| lamp.most(x, n)).sum();
+        let most = |chosen: &Chosen| chosen.times * self.all[chosen.lamp as usize].most(x, n);
+        let total: f64 = asked.iter().map(most).sum();
         let mut rays = 0;
-        for (k, lamp) in self.all.iter().enumerate() {
-            let most = lamp.most(x, n);
+        for chosen in asked {
+            let (k, most) = (chosen.lamp, most(chosen));
+            let lamp = &self.all[k as usize];
             if most <= 0.0 || lamp.panel.surface == surface {
                 continue;
             }
             let share = f64::from(budget) * most / total;
-            let draw = Draw { dice: hash(draw.dice, k as u64), net: hash(draw.net, k as u64), ..draw };
+            let draw = Draw { dice: hash(draw.dice, u64::from(k)), net: hash(draw.net, u64::from(k)), ..draw };
             let chance = share.clamp(ROULETTE, 1.0);
             if (draw.dice >> 11) as f64 >= chance * 2_f64.powi(53) {
                 continue;
             }
             let Some(whole) = point_row(&lamp.panel, x, n) else { continue };
-            let mut sight = Sight { from: (x, n, surface), lamp, draw, blockers, cast: 0, seen: 0.0, all: 0.0 };
-            sight.cast_to(share.ceil().max(1.0) as u32);
+            let rays_here = (share.ceil().max(1.0) as u32).next_power_of_two();
+            let first = draw.part.wrapping_mul(MORE * rays_here);
+            let mut sight =
+                Sight { from: (x, n, surface), lamp, net: draw.net, first, blockers, cast: 0, seen: 0.0, all: 0.0 };
+            sight.cast_to(rays_here);
             if sight.seen > 0.0 && sight.seen < sight.all {
                 sight.cast_to(MORE * sight.cast);
             }
             rays += u64::from(sight.cast);
             if sight.seen > 0.0 {
-                give(k as u32, whole[0] * sight.seen / sight.all / chance);
+                give(k, chosen.times * whole[0] * sight.seen / sight.all / chance);
             }
         }
         rays
@@ -203,13 +221,36 @@ impl Lamps {
         sum: &mut [f64],
     ) -> f64 {
         let (bands, mut factor) = (sum.len(), 0.0);
-        self.at_point(x, budget, Draw { dice: set, net: set, first: 0 }, blockers, |lamp, value| {
+        let asked = self.asked(x.0, 0.0, x.1, hash(set, 2));
+        self.at_point(x, &asked, budget, Draw { dice: set, net: set, part: 0 }, blockers, |lamp, value| {
             factor += value;
             let means = &means[lamp as usize * bands..];
             sum.iter_mut().zip(means).for_each(|(sum, mean)| *sum += value * mean);
         });
         factor
     }
+}
+
+/// The cells that shine on each side of a face, face by face.
+fn strong_sides(geometry: &Geometry<'_>, cells: &Cells, params: &Params) -> Vec<Vec<u32>> {
+    let mut sides: BTreeMap<(u32, bool), Vec<u32>> = BTreeMap::new();
+    for cell in 0..params.strengths.len().min(cells.len()) {
+        if params.strengths[cell] > STRONG {
+            let surface = cells.surface(cell);
+            let front = geometry.surfaces[surface as usize].patch(DVec3::ZERO).normal();
+            let side = front.dot(cells.patch(cell).normal()) >= 0.0;
+            sides.entry((surface, side)).or_default().push(cell as u32);
+        }
+    }
+    let material = |on: &[u32]| geometry.scene.mesh.cells[on[0] as usize].material;
+    let mut of: BTreeMap<u32, (usize, f64)> = BTreeMap::new();
+    for on in sides.values() {
+        let (faces, area) = of.entry(material(on)).or_default();
+        (*faces, *area) = (*faces + 1, *area + on.iter().map(|&cell| cells.area(cell as usize)).sum::<f64>());
+    }
+    let widest = WIDE * (0..cells.len()).map(|cell| cells.area(cell)).sum::<f64>();
+    let is_wide = |on: &Vec<u32>| of.get(&material(on)).is_some_and(|&(faces, area)| faces > CUT && area > widest);
+    sides.into_values().filter(|on| !is_wide(on)).collect()
 }
 
 impl Lamp {
@@ -241,8 +282,9 @@ impl Lamp {
         Some(Self { panel, strength: power / area, cells: (start..end).map(weights).collect() })
     }
 
-    fn power(&self) -> f64 {
-        self.strength * self.panel.area()
+    fn bulb(&self) -> Bulb {
+        let Panel { center, radius, .. } = self.panel;
+        Bulb { center, radius, power: self.strength * self.panel.area() }
     }
 
     /// An upper estimate of what a point can get, for sharing out rays.
@@ -265,16 +307,18 @@ impl Lamp {
 struct Draw {
     /// Decides whether rays are cast at all.
     dice: u64,
-    /// The net of places on a lamp, and the first of the point's own.
+    /// The net of places on a lamp, and the part of it that is the point's own. Numbers of places wrap; that cells far from
+    /// each other then have the same does no harm.
     net: u64,
-    first: u32,
+    part: u32,
 }
 
 /// A point looking at a lamp.
 struct Sight<'a> {
     from: (DVec3, DVec3, u32),
     lamp: &'a Lamp,
-    draw: Draw,
+    net: u64,
+    first: u32,
     blockers: &'a Bvh,
     cast: u32,
     seen: f64,
@@ -286,7 +330,7 @@ impl Sight<'_> {
     fn cast_to(&mut self, rays: u32) {
         let ((x, n, surface), panel) = (self.from, &self.lamp.panel);
         for k in self.cast..rays {
-            let [u, v, ..] = point(self.draw.net, self.draw.first.wrapping_add(k));
+            let [u, v, ..] = point(self.net, self.first.wrapping_add(k));
             let y = panel.sample(u, v);
             let g = geometric(x, n, y, panel.normal());
             self.all += g;

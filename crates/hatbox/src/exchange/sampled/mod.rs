@@ -28,6 +28,7 @@
 mod cells;
 mod fit;
 mod kept;
+mod lamp_tree;
 mod lamps;
 mod product;
 mod rays;
@@ -160,7 +161,7 @@ impl Sampled {
             }
         }
         let chunks = cells.len().div_ceil(CHUNK);
-        let of_chunk = CHUNK * rays as usize * size_of::<Hit>();
+        let of_chunk = CHUNK * Hits::most_bytes(rays);
         let left = params.memory.saturating_sub(links.as_ref().map_or(0, Links::bytes));
         let keep = (left / of_chunk).min(chunks);
         let statistics = Statistics::default();
@@ -250,7 +251,7 @@ impl Sampled {
         let [mut first, second] = self.halves(&x);
         let square = |v: &MultiVector| -> f64 {
             let of = |cell: usize| v.band(0)[self.cells.range(cell)].iter().sum::<f64>().powi(2);
-            (0..self.cells.len()).map(|cell| of(cell) / self.cells.patch(cell).area()).sum()
+            (0..self.cells.len()).map(|cell| of(cell) / self.cells.area(cell)).sum()
         };
         first.add_scaled(1.0, &second);
         let norm = square(&first);
@@ -267,7 +268,7 @@ impl Sampled {
         for cell in self.chunk(chunk) {
             let table = self.table(cell);
             self.tracer.trace(&self.cells, cell, &table.points, self.linked_with(cell), &mut hits);
-            let cell_area = self.cells.patch(cell).area();
+            let cell_area = self.cells.area(cell);
             let escaped = hits.iter().filter(|hit| hit.is_lost()).count();
             (area, lost) = (area + cell_area, lost + cell_area * escaped as f64 / k as f64);
             if keep {
