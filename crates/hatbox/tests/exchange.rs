@@ -148,6 +148,29 @@ fn the_light_of_a_far_lamp_is_reflected() {
     }
 }
 
+/// What sees nothing but lamps gets what they send, to the last digit.
+#[test]
+fn among_lamps_constants_come_back_exactly() {
+    // A chamber of lamps with a gray floor, beside a large room.
+    let mut mesh = meshes::room(DVec3::splat(10.0), |_| false);
+    let chamber = meshes::room(DVec3::ONE, |_| false);
+    for cell in 0..chamber.cells.len() {
+        let corners: Vec<DVec3> = chamber.patch(cell).corners().iter().map(|&p| p + DVec3::splat(20.0)).collect();
+        meshes::face(&mut mesh, &corners, u32::from(cell > 0));
+    }
+    let lamp = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("lamp", 0.0) };
+    let scene = Scene::new(mesh, vec![Material::diffuse("gray", 0.5), lamp], Physics::Light, None).expect("valid");
+    for_all(|kind, basis| {
+        let system = system(&scene, kind, basis, &|material| if material == 1 { 50.0 } else { 1.0 });
+        let sums = system.exchange.times(&MultiVector::uniform(system.exchange.rows(), &[1.0]));
+        for cell in 0..system.space.cells() {
+            let sum: f64 = sums.band(0)[system.space.range(cell)].iter().sum();
+            let area = system.scene.mesh.patch(cell).area();
+            assert!((sum - area).abs() < 1e-9 * area, "{} {}: {sum} {area}", kind.name, basis.name);
+        }
+    });
+}
+
 /// Bands do not know of each other, and products have loops of their own for some numbers of them.
 #[test]
 fn each_band_is_what_it_is_alone() {

@@ -17,6 +17,7 @@
 use super::cells::Cells;
 use super::fit::{Matrix, Take, add_outer, factor, mean_mass, solve};
 use super::kept::{Ended, Hits, set_bits};
+use super::lamps::Entry;
 use super::rays::Hit;
 use super::{CHUNK, Sampled, Table};
 use crate::element::{MAX_DOFS, Shape};
@@ -54,6 +55,8 @@ struct Rays<'a> {
     taken: Range<usize>,
     /// Whether some met neither a lamp nor what is linked.
     free: bool,
+    /// Whether all met lamps: then they tell what arrives, and sum to 1, which no visibility of lamps does to the last digit.
+    among_lamps: bool,
     /// The weight of each ray relative to the mean one, on a cell whose map stretches it.
     stretch: Option<Vec<f64>>,
 }
@@ -63,7 +66,7 @@ impl Rays<'_> {
     /// the links' rays see it.
     #[inline]
     fn counts(&self, hit: Hit) -> bool {
-        !(hit.is_lamp() || (self.free && hit.is_linked()))
+        self.among_lamps || !(hit.is_lamp() || (self.free && hit.is_linked()))
     }
 
     /// What a ray counts, if each counts `share` on average.
@@ -106,7 +109,7 @@ impl Sampled {
         let mut y = MultiVector::zeros(self.rows(), x.bands());
         self.by_rows(x.bands(), &mut y, |cell, index, work| {
             work.fit.fill(0.0);
-            self.combine::<0, 0>(cell, index, &means, false, work);
+            self.combine::<0, 0>(cell, self.lamps_of(cell, index), &means, false, work);
             self.integrate::<0, 0>(cell, x.bands(), work);
         });
         if let Some(linked) = self.through_links(x) {
@@ -181,12 +184,13 @@ impl Sampled {
             None => self.cast_again(cell, taken.end, &mut work.cast, &mut cast),
         };
         let stretch = self.cells.stretched(cell).map(|patch| table.stretch(&patch));
-        let free = is_free(ended, taken.clone());
-        let rays = Rays { table, ended, taken, free, stretch };
+        let (free, among_lamps) = met(ended, taken.clone());
+        let rays = Rays { table, ended, taken, free, among_lamps, stretch };
         let found = self.read::<N, B>(&rays, source, work);
         table.fit::<N, B>(&rays, take, &found, source.bands, work);
         work.cast_hits = cast;
-        self.combine::<N, B>(cell, index, &source.means, found.lamp, work);
+        let lamps = if among_lamps { &[] } else { self.lamps_of(cell, index) };
+        self.combine::<N, B>(cell, lamps, &source.means, found.lamp, work);
         self.integrate::<N, B>(cell, source.bands, work);
     }
 
@@ -212,7 +216,8 @@ impl Sampled {
             for (bit, &hit) in set_bits(bits).zip(hits) {
                 let ray = first + bit;
                 let (functions, weight) = (&rays.table.points.functions[ray], rays.weight(share, ray));
-                let (counts, lamp) = (rays.counts(hit), hit.is_lamp());
+                let counts = rays.counts(hit);
+                let lamp = hit.is_lamp() && !counts;
                 if !counts {
                     add_outer(found.excluded.get_or_insert_default(), weight, &functions[..n]);
                 }
@@ -251,20 +256,24 @@ impl Sampled {
         multiply(mass, self.cells.area(cell), n, bands, &work.fit, &mut work.result);
     }
 
+    /// What a cell gets from lamps.
+    fn lamps_of(&self, cell: usize, index: usize) -> &[Entry] {
+        let (first, entries) = &self.direct[cell / CHUNK];
+        &entries[first[index] as usize..first[index + 1] as usize]
+    }
+
     /// e = Σ f_l mean_l + (1 − Σ f_l − D 1) ē + rest, into `work.fit`, which holds ē.
     #[inline(always)]
     fn combine<const N: usize, const B: usize>(
         &self,
         cell: usize,
-        index: usize,
+        entries: &[Entry],
         means: &[f64],
         rest: bool,
         work: &mut Work,
     ) {
         let range = self.cells.range(cell);
         let [n, bands] = known::<N, B>(range.len(), work.result.len() / MAX_DOFS);
-        let (first, entries) = &self.direct[cell / CHUNK];
-        let entries = &entries[first[index] as usize..first[index + 1] as usize];
         for (k, fit) in work.fit.chunks_exact_mut(bands).take(n).enumerate() {
             let linked = self.linked.get(range.start + k).copied().unwrap_or(0.0);
             let seen: f64 = linked + entries.iter().map(|entry| f64::from(entry.values[k])).sum::<f64>();
@@ -397,17 +406,17 @@ fn known<const N: usize, const B: usize>(n: usize, bands: usize) -> [usize; 2] {
     [if N > 0 { N } else { n }, if B > 0 { B } else { bands }]
 }
 
-/// Whether one of these rays met neither a lamp nor what is linked.
-fn is_free(ended: Ended<'_>, taken: Range<usize>) -> bool {
-    let wanted = taken.len();
-    let mut arrived = 0;
+/// Whether one of these rays met neither a lamp nor what is linked, and whether all met lamps.
+fn met(ended: Ended<'_>, taken: Range<usize>) -> (bool, bool) {
+    let (wanted, mut arrived, mut among_lamps) = (taken.len(), 0, true);
     for (_, bits, hits) in ended.words(taken) {
         arrived += bits.count_ones() as usize;
         if hits.iter().any(|hit| !hit.is_lamp() && !hit.is_linked()) {
-            return true;
+            return (true, false);
         }
+        among_lamps &= hits.iter().all(|hit| hit.is_lamp());
     }
-    arrived < wanted
+    (arrived < wanted, arrived == wanted && among_lamps)
 }
 
 /// y = a M x for the bands of n rows side by side.
