@@ -2,8 +2,8 @@
 //!
 //! Reading B where the rays ended is what a product costs: those places lie in no order. So the coefficients stand with
 //! their bands side by side, in large pages, and those of many rays are asked for before the first is used; for the usual
-//! numbers of functions and bands there are loops of known length. To solve for 100 000 cells with 128 rays each, and to
-//! estimate the error, took 21 s when rays were read one by one, and takes 6 s.
+//! numbers of functions and bands there are loops of known length. A product for three bands over
+//! 100 000 linear cells of 128 rays takes a tenth of a second on two threads.
 //!
 //! To solve first with an eighth of the rays, and to correct with all of them, was tried and dropped: three passes and
 //! fourteen drafts took as long as the seven passes that GMRES needs, since the residuals that are left are as rough as the
