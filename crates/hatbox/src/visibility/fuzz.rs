@@ -107,9 +107,11 @@ fn every_instruction_set_and_packets_agree_with_brute_force() {
     }
 }
 
-/// `cargo test --release -p hatbox --lib -- --ignored ten_million_rays` (some minutes).
+/// `cargo test --release -p hatbox --lib -- --ignored ten_million_rays` (a minute). It does not pass yet: 16 of ten million rays
+/// are told to be free although they touch a corner, nearly all of them in packets, at coordinates of 1e9 with triangles of
+/// a millimetre, and at 1e-90.
 #[test]
-#[ignore = "takes minutes"]
+#[ignore = "takes a minute, and one ray in a million differs"]
 fn ten_million_rays() {
     use rayon::prelude::*;
     (0..1000_u64).into_par_iter().for_each(|seed| fuzz(1000 + seed, 50));
