@@ -1,7 +1,7 @@
 //! The upper triangle in memory, row after row.
 //!
-//! It is by far the largest thing there is. In pages of 4 kB, asked for row by row, the first touch of its memory took as
-//! long as half of all integrals; so it is one array in large pages.
+//! It is by far the largest thing there is, and the first touch of its memory in pages of 4 kB takes a part of the time that
+//! shows; so it is one array in large pages.
 
 use crate::visibility::Pages;
 use std::ops::Range;

@@ -1,8 +1,8 @@
 //! What one chunk of cells yields when it is traced, and its bytes for whoever keeps them.
 //!
 //! Rays that were lost bring nothing and are most of them where the sky is wide, so that a bit says of each ray whether it
-//! ended somewhere, and only those that did take 8 bytes: a terrain of 100 000 facets with 128 rays each keeps 30 MB of the
-//! 103 MB.
+//! ended somewhere, and only those that did take 8 bytes: a terrain of 100 000 facets with 128 rays each, which would be
+//! 103 MB, makes an operator of 21 MB (bench `scale`).
 
 use super::lamps::Entry;
 use super::rays::Hit;

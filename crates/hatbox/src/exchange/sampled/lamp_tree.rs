@@ -6,7 +6,7 @@
 //! with a chance like its power, which then counts as much more: all lamps are right in the mean.
 
 use glam::DVec3;
-use std::cmp::Ordering;
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::f64::consts::FRAC_1_PI;
 
@@ -46,32 +46,6 @@ enum Below {
     Lamp(u32),
     Nodes([u32; 2]),
 }
-
-/// A node in the queue of those that may be opened.
-struct Open {
-    bound: f64,
-    node: u32,
-}
-
-impl Ord for Open {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.bound.total_cmp(&other.bound).then(other.node.cmp(&self.node))
-    }
-}
-
-impl PartialOrd for Open {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Open {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Open {}
 
 impl LampTree {
     /// Halves the lamps where they spread most, again and again.
@@ -113,11 +87,13 @@ impl LampTree {
     pub(super) fn cut(&self, x: DVec3, radius: f64, n: DVec3, mut draw: impl FnMut() -> f64) -> Vec<Chosen> {
         let open = |node: u32| {
             let bound = self.nodes[node as usize].around.most(x, radius, n);
-            (bound > 0.0).then_some(Open { bound, node })
+            // The bits of positive numbers are in their order.
+            (bound > 0.0).then_some((bound.to_bits(), Reverse(node)))
         };
-        let mut queue: BinaryHeap<Open> = (!self.nodes.is_empty()).then(|| open(0)).flatten().into_iter().collect();
+        let mut queue: BinaryHeap<(u64, Reverse<u32>)> =
+            (!self.nodes.is_empty()).then(|| open(0)).flatten().into_iter().collect();
         let mut chosen = Vec::with_capacity(CUT);
-        while let Some(Open { node, .. }) = queue.pop() {
+        while let Some((_, Reverse(node))) = queue.pop() {
             match self.nodes[node as usize].below {
                 Below::Lamp(lamp) => chosen.push(Chosen { lamp, times: 1.0 }),
                 Below::Nodes(_) if chosen.len() + queue.len() + 2 > CUT => chosen.push(self.represent(node, draw())),

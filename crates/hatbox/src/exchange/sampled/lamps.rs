@@ -5,15 +5,14 @@
 //! rule on every receiving cell. The rest is small and goes with the other rays.
 //!
 //! The points of a cell take neighbouring parts of one net of places on a lamp, and so do cells that are neighbours: what
-//! joins them averages half-shadows over a finer net. (In a furnished room of 10⁵ elements the estimated error is 4.0 %
-//! with it and 4.7 % with sets that know nothing of each other.)
+//! joins them averages half-shadows over a finer net.
 //!
 //! A point has a budget of shadow rays, shared among the lamps by how much they can give at most; a lamp whose share is
 //! less than one ray gets one with that probability, and counts accordingly more. Of many lamps only some are asked
 //! ([`LampTree`]), so that a building with a lamp in every room costs what one room costs.
 //!
-//! A sky is no lamp: rays find it, and a shadow ray or two to each of its faces are a worse sample of it than they are (a
-//! city block under a sky of ten faces: estimated error 37 % instead of 14 %). The ceiling of a room that glows as a whole is one.
+//! A sky is no lamp: rays find it, and a shadow ray or two to each of its faces are a worse sample of it than they are. The
+//! ceiling of a room that glows as a whole is one: of a closed room each wall is about a sixth.
 
 use super::cells::Cells;
 use super::fit::{factor, mean_mass, solve};
@@ -32,8 +31,8 @@ use std::f64::consts::FRAC_1_PI;
 
 /// Cells that are so many times stronger than a mean one are lamps.
 const STRONG: f64 = 2.0;
-/// Strong cells of one material are left to rays if they are more than this share of all area: as one face or several, and as
-/// more faces than a cut has.
+/// Strong cells of one material are left to rays if they are more than this share of all area: the first, which is more than a
+/// wall of a cube, or the second where they are more faces than a cut has.
 const WIDE: [f64; 2] = [0.2, 0.05];
 /// A lamp that is partly hidden gets so many times more rays.
 const MORE: u32 = 4;
