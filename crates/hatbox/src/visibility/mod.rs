@@ -18,8 +18,7 @@
 //!   conservatively, in coordinates normalised to the scene. Whether a segment is blocked is asked of f32 corners first,
 //!   by a test with bounds of its error, which settles what is surely missed and surely crossed (`leaf`); the rest goes
 //!   to the f64 test. The first crossing of a ray is sought in f64 at once (`block`). So booleans and hits are those of
-//!   [`BruteForce`], bit for bit, with every [`InstructionSet`]; but one ray in a million differs that touches a corner where
-//!   coordinates are a million million times the triangles, or 1e-90 (`fuzz`).
+//!   [`BruteForce`], bit for bit, with every [`InstructionSet`] (`fuzz`).
 //!
 //! A kernel is written once, over vectors (`lanes`) that are arrays, AVX2 or AVX-512 registers. Kernels hold no closures
 //! and no `map`: those are compiled for the lesser processor and are not inlined, which costs a factor of two.

@@ -128,7 +128,7 @@ impl Node {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frame {
     pub(super) center: DVec3,
-    /// Half the longest side of the scene.
+    /// The greatest distance of the scene from the center along an axis.
     pub(super) size: f64,
     /// Its inverse.
     pub(super) scale: f64,
@@ -137,9 +137,10 @@ pub(super) struct Frame {
 impl Frame {
     /// The frame of the points between two corners.
     pub(super) fn between(lo: DVec3, hi: DVec3) -> Self {
-        let size = (0.5 * hi - 0.5 * lo).max_element();
-        let size = if size > 0.0 && size.is_finite() { size } else { 1.0 };
         let center = if lo.x <= hi.x { 0.5 * lo + 0.5 * hi } else { DVec3::ZERO };
+        // Not half their difference: far from the origin the center may be rounded to a corner.
+        let size = (hi - center).max(center - lo).max_element();
+        let size = if size > 0.0 && size.is_finite() { size } else { 1.0 };
         Self { center, size, scale: 1.0 / size }
     }
 
