@@ -12,6 +12,9 @@
 //!
 //! Kernels hold no iterators and no closures, which are compiled for the lesser processor and not inlined.
 //!
+//! What every pair asks of its panels, whatever rule it takes, lies apart from the rest and side by side ([`Head`],
+//! [`Front`]): a [`Panel`] and the nodes of a chunk take kilobytes, and waiting for them was half of the time.
+//!
 //! Four kernel values share one division, which is what the processor is slowest at: a/p + b/q is (aq + bp)/(pq).
 //! And the panels are flat, so that of G = cosθ_a r · cosθ_b r / (π r⁴) only r depends on both points.
 
@@ -30,6 +33,9 @@ use std::f64::consts::{FRAC_1_PI, PI};
 
 /// Panels in a chunk.
 pub const LANES: usize = 8;
+
+/// Chunks that a row looks at before the next row's turn.
+const TOGETHER: usize = 8;
 
 /// The most nodes that a rule of the ladder has, on a triangle or a quad.
 const MAX_NODES: usize = 25;
@@ -66,6 +72,72 @@ struct Node {
     weight: Lanes,
 }
 
+/// What every pair asks of a panel.
+#[derive(Debug, Clone, Copy)]
+struct Head {
+    normal: DVec3,
+    center: DVec3,
+    /// See [`Panel`].
+    spread: [DVec3; 2],
+    radius: f64,
+    area: f64,
+    /// It is a parallelogram.
+    symmetric: bool,
+    /// Its element has one function.
+    constant: bool,
+}
+
+impl Head {
+    fn of(panel: &Panel) -> Self {
+        Self {
+            normal: panel.normal(),
+            center: panel.center,
+            spread: panel.spread,
+            radius: panel.radius,
+            area: panel.area(),
+            symmetric: panel.patch.shape() == Shape::Quad && panel.patch.is_affine(),
+            constant: panel.element.dofs() == 1,
+        }
+    }
+}
+
+/// The heads of a chunk, by lanes.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+struct Front {
+    normal: Vectors,
+    center: Vectors,
+    spread: [Vectors; 2],
+    radius: Lanes,
+    area: Lanes,
+    /// All are parallelograms.
+    symmetric: bool,
+    constant: bool,
+}
+
+impl Front {
+    const EMPTY: Self = Self {
+        normal: Vectors::ZERO,
+        center: Vectors::ZERO,
+        spread: [Vectors::ZERO; 2],
+        radius: [0.0; LANES],
+        area: [0.0; LANES],
+        symmetric: true,
+        constant: true,
+    };
+
+    fn set(&mut self, lane: usize, head: &Head) {
+        self.normal.set(lane, head.normal);
+        self.center.set(lane, head.center);
+        for (vectors, &spread) in self.spread.iter_mut().zip(&head.spread) {
+            vectors.set(lane, spread);
+        }
+        (self.radius[lane], self.area[lane]) = (head.radius, head.area);
+        self.symmetric &= head.symmetric;
+        self.constant &= head.constant;
+    }
+}
+
 /// Up to [`LANES`] panels of one element that follow each other.
 #[derive(Debug, Clone)]
 struct Chunk {
@@ -77,15 +149,7 @@ struct Chunk {
     degree: usize,
     /// The degree up to which each rung is exact on all of them.
     exactness: [usize; LADDER.len()],
-    /// All are parallelograms.
-    symmetric: bool,
     corners: Vec<Vectors>,
-    normal: Vectors,
-    center: Vectors,
-    /// See [`Panel`].
-    spread: [Vectors; 2],
-    radius: Lanes,
-    area: Lanes,
     longest_edge: Lanes,
     nodes: [Vec<Node>; LADDER.len()],
     tables: [&'static [[f64; MAX_DOFS]]; LADDER.len()],
@@ -112,68 +176,87 @@ impl Default for Found {
 
 /// Panels side by side.
 #[derive(Debug, Clone)]
-pub struct Batch {
+pub struct Batch<'a> {
+    panels: &'a [&'a Panel],
+    heads: Vec<Head>,
+    fronts: Vec<Front>,
     chunks: Vec<Chunk>,
     /// The chunk of each panel.
     chunk_of: Vec<u32>,
 }
 
-impl Batch {
+impl<'a> Batch<'a> {
     /// Of panels in the order in which they will be asked for.
-    pub fn new(panels: &[&Panel]) -> Self {
-        let mut chunks: Vec<Chunk> = Vec::new();
+    pub fn new(panels: &'a [&'a Panel]) -> Self {
+        let heads: Vec<Head> = panels.iter().map(|panel| Head::of(panel)).collect();
+        let (mut fronts, mut chunks): (Vec<Front>, Vec<Chunk>) = (Vec::new(), Vec::new());
         let mut chunk_of = Vec::with_capacity(panels.len());
         for (index, panel) in panels.iter().enumerate() {
             let fits = |chunk: &Chunk| chunk.len < LANES && std::ptr::eq(chunk.element, panel.element);
             if !chunks.last().is_some_and(fits) {
+                fronts.push(Front::EMPTY);
                 chunks.push(Chunk::new(panel, index));
             }
             let last = chunks.len() - 1;
+            fronts[last].set(chunks[last].len, &heads[index]);
             chunks[last].push(panel);
             chunk_of.push(last as u32);
         }
-        Self { chunks, chunk_of }
+        Self { panels, heads, fronts, chunks, chunk_of }
     }
 
-    /// Calls `take(k, first, found)` with the blocks S_ab of the k-th panel a of `rows` and the panels b of `range`, chunk
-    /// by chunk: lane l is panel `first` + l. Panels that face away are in neither of its masks.
+    /// Calls `take(a, first, found)` with the blocks S_ab of each panel a of `rows` and the panels b of `range`, chunk by
+    /// chunk: lane l is panel `first` + l. Panels that face away are in neither of its masks.
     ///
-    /// A chunk stays in the processor's nearest memory while all of the rows look at it, so a few dozen rows at a time
-    /// are several times as fast as one.
+    /// A few chunks stay in the processor's nearest memory while all of the rows look at them, so a few dozen rows at a
+    /// time are several times as fast as one; and what is found for a row is a run of memory.
     pub fn blocks(
         &self,
-        rows: &[&Panel],
+        rows: std::ops::Range<usize>,
         range: std::ops::Range<usize>,
         accuracy: &Accuracy,
         mut take: impl FnMut(usize, usize, &Found),
     ) {
         let mut found = Found::default();
-        let mut at = range.start;
-        while at < range.end {
-            let chunk = &self.chunks[self.chunk_of[at] as usize];
-            let end = range.end.min(chunk.first + chunk.len);
-            let wanted = (1_u32 << (end - chunk.first)) - (1 << (at - chunk.first));
-            for (k, a) in rows.iter().enumerate() {
-                evaluate(a, chunk, wanted, accuracy, &mut found);
-                if found.done | found.rest != 0 {
-                    take(k, chunk.first, &found);
+        let Some(last) = range.end.checked_sub(1).filter(|&last| last >= range.start) else { return };
+        let [mut at, end] = [range.start, last].map(|panel| self.chunk_of[panel] as usize);
+        while at <= end {
+            let together = at..(at + TOGETHER).min(end + 1);
+            for a in rows.clone() {
+                for index in together.clone() {
+                    let chunk = &self.chunks[index];
+                    let [from, to] = [range.start, range.end].map(|panel| panel.saturating_sub(chunk.first).min(LANES));
+                    let wanted = (1_u32 << to.min(chunk.len)) - (1 << from);
+                    evaluate(&self.one(a), &self.eight(index), wanted, accuracy, &mut found);
+                    if found.done | found.rest != 0 {
+                        take(a, chunk.first, &found);
+                    }
                 }
             }
-            at = end;
+            at = together.end;
         }
     }
 
+    fn one(&self, panel: usize) -> One<'_> {
+        One { head: &self.heads[panel], panel: self.panels[panel] }
+    }
+
+    fn eight(&self, index: usize) -> Eight<'_> {
+        Eight { front: &self.fronts[index], chunk: &self.chunks[index] }
+    }
+
     /// The same for one panel and those of the panels from `start` on whose bit is set.
-    pub fn masked(&self, a: &Panel, start: usize, mask: u64, accuracy: &Accuracy, mut take: impl FnMut(usize, &Found)) {
+    pub fn masked(&self, a: usize, start: usize, mask: u64, accuracy: &Accuracy, mut take: impl FnMut(usize, &Found)) {
         let mut found = Found::default();
         let mut left = mask;
         while left != 0 {
             let at = start + left.trailing_zeros() as usize;
-            let chunk = &self.chunks[self.chunk_of[at] as usize];
+            let index = self.chunk_of[at] as usize;
+            let chunk = &self.chunks[index];
             // The chunk's panels may begin before `start`.
             let all = if chunk.first >= start { left >> (chunk.first - start) } else { left << (start - chunk.first) };
             let wanted = (all & ((1 << chunk.len) - 1)) as u32;
-            evaluate(a, chunk, wanted, accuracy, &mut found);
+            evaluate(&self.one(a), &self.eight(index), wanted, accuracy, &mut found);
             if found.done | found.rest != 0 {
                 take(chunk.first, &found);
             }
@@ -191,13 +274,7 @@ impl Chunk {
             len: 0,
             degree: 0,
             exactness: panel.exactness,
-            symmetric: true,
             corners: vec![Vectors::ZERO; panel.patch.corners().len()],
-            normal: Vectors::ZERO,
-            center: Vectors::ZERO,
-            spread: [Vectors::ZERO; 2],
-            radius: [0.0; LANES],
-            area: [0.0; LANES],
             longest_edge: [0.0; LANES],
             nodes: [0, 1, 2, 3].map(|rung| {
                 let zero = Node { at: Vectors::ZERO, weight: [0.0; LANES] };
@@ -218,14 +295,6 @@ impl Chunk {
         for (corners, &corner) in self.corners.iter_mut().zip(panel.patch.corners()) {
             corners.set(lane, corner);
         }
-        self.normal.set(lane, panel.normal());
-        self.center.set(lane, panel.center);
-        for (vectors, &spread) in self.spread.iter_mut().zip(&panel.spread) {
-            vectors.set(lane, spread);
-        }
-        self.symmetric &= is_symmetric(panel);
-        self.radius[lane] = panel.radius;
-        self.area[lane] = panel.area();
         self.longest_edge[lane] = panel.longest_edge;
         for (nodes, points) in self.nodes.iter_mut().zip(&panel.ladder) {
             for (k, node) in nodes.iter_mut().enumerate() {
@@ -236,25 +305,38 @@ impl Chunk {
     }
 }
 
+/// A panel.
+struct One<'a> {
+    head: &'a Head,
+    panel: &'a Panel,
+}
+
+/// A chunk.
+struct Eight<'a> {
+    front: &'a Front,
+    chunk: &'a Chunk,
+}
+
 /// Fills `found` with the blocks of a panel and the lanes of a chunk that are `wanted`.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+fma", "x86_64+avx2+fma", "aarch64+neon"))]
-fn evaluate(a: &Panel, chunk: &Chunk, wanted: u32, accuracy: &Accuracy, found: &mut Found) {
-    let place = Place::new(a, chunk);
+fn evaluate(one: &One<'_>, eight: &Eight<'_>, wanted: u32, accuracy: &Accuracy, found: &mut Found) {
+    let (head, front) = (one.head, eight.front);
+    let place = Place::new(head, front);
     let whole = place.surely_whole & wanted;
     (found.done, found.rest) = (whole, 0);
     if whole != wanted {
-        let (facing, whole) = facing(a, chunk);
+        let (facing, whole) = facing(one, eight);
         (found.done, found.rest) = (facing & whole & wanted, facing & !whole & wanted);
     }
     if found.done == 0 {
         return;
     }
-    let demand = Demand::new(a, chunk, &place, accuracy);
-    let constant = a.element.dofs() == 1 && chunk.element.dofs() == 1;
-    if constant && by_midpoints(a, chunk, &place, &demand, found) {
+    let demand = Demand::new(head, front, &place, accuracy);
+    let constant = head.constant && front.constant;
+    if constant && by_midpoints(head, front, &place, &demand, found) {
         return;
     }
-    let Some((rung, accurate)) = choose(a, chunk, &demand, found.done, &mut found.errors) else {
+    let Some((rung, accurate)) = choose(one.panel, eight.chunk, &demand, found.done, &mut found.errors) else {
         found.rest |= found.done;
         found.done = 0;
         return;
@@ -262,9 +344,9 @@ fn evaluate(a: &Panel, chunk: &Chunk, wanted: u32, accuracy: &Accuracy, found: &
     found.rest |= found.done & !accurate;
     found.done &= accurate;
     if constant {
-        found.values[0] = constants(a, chunk, rung);
+        found.values[0] = constants(one, eight, rung);
     } else {
-        functions(a, chunk, rung, &mut found.values);
+        functions(one, eight, rung, &mut found.values);
     }
 }
 
@@ -274,21 +356,17 @@ fn evaluate(a: &Panel, chunk: &Chunk, wanted: u32, accuracy: &Accuracy, found: &
 const MIDPOINT: (f64, usize) = (2.0, 2);
 const CORRECTED: [(f64, usize); 2] = [(2.0, 3), (6.0, 4)];
 
-fn is_symmetric(panel: &Panel) -> bool {
-    panel.patch.shape() == Shape::Quad && panel.patch.is_affine()
-}
-
 /// ∬G from the centroids, if that is accurate enough for all lanes that are to be done.
 #[inline(always)]
-fn by_midpoints(a: &Panel, chunk: &Chunk, place: &Place, demand: &Demand, found: &mut Found) -> bool {
+fn by_midpoints(a: &Head, front: &Front, place: &Place, demand: &Demand, found: &mut Found) -> bool {
     let (bound, exponent) = MIDPOINT;
     if demand.met(bound, exponent, &mut found.errors) & found.done == found.done {
-        found.values[0] = midpoint(a, chunk, place);
+        found.values[0] = midpoint(a, front, place);
         return true;
     }
-    let (bound, exponent) = CORRECTED[usize::from(chunk.symmetric && is_symmetric(a))];
+    let (bound, exponent) = CORRECTED[usize::from(front.symmetric && a.symmetric)];
     if demand.met(bound, exponent, &mut found.errors) & found.done == found.done {
-        found.values[0] = corrected(a, chunk, place);
+        found.values[0] = corrected(a, front, place);
         return true;
     }
     false
@@ -296,12 +374,12 @@ fn by_midpoints(a: &Panel, chunk: &Chunk, place: &Place, demand: &Demand, found:
 
 /// A_a A_b G between the centroids.
 #[inline(always)]
-fn midpoint(a: &Panel, chunk: &Chunk, place: &Place) -> Lanes {
+fn midpoint(a: &Head, front: &Front, place: &Place) -> Lanes {
     let mut values = [0.0; LANES];
-    let area = FRAC_1_PI * a.area();
+    let area = FRAC_1_PI * a.area;
     for lane in 0..LANES {
         let inverse = place.inverse_d2[lane];
-        values[lane] = area * chunk.area[lane] * (place.at_a[lane] * place.at_b[lane]) * (inverse * inverse);
+        values[lane] = area * front.area[lane] * (place.at_a[lane] * place.at_b[lane]) * (inverse * inverse);
     }
     values
 }
@@ -312,14 +390,14 @@ fn midpoint(a: &Panel, chunk: &Chunk, place: &Place) -> Lanes {
 ///
 /// m being those of a, m' those of b, and sums without a name over both.
 #[inline(always)]
-fn corrected(a: &Panel, chunk: &Chunk, place: &Place) -> Lanes {
-    let (n, own) = (a.normal(), a.spread);
+fn corrected(a: &Head, front: &Front, place: &Place) -> Lanes {
+    let (n, own) = (a.normal, a.spread);
     let own_square = own[0].length_squared() + own[1].length_squared();
     let mut values = [0.0; LANES];
     for lane in 0..LANES {
-        let d = chunk.center.at(lane) - a.center;
-        let m = chunk.normal.at(lane);
-        let others = [chunk.spread[0].at(lane), chunk.spread[1].at(lane)];
+        let d = front.center.at(lane) - a.center;
+        let m = front.normal.at(lane);
+        let others = [front.spread[0].at(lane), front.spread[1].at(lane)];
         let (p0, p1) = (d.dot(own[0]), d.dot(own[1]));
         let (q0, q1) = (d.dot(others[0]), d.dot(others[1]));
         let squares = own_square + others[0].length_squared() + others[1].length_squared();
@@ -330,7 +408,7 @@ fn corrected(a: &Panel, chunk: &Chunk, place: &Place) -> Lanes {
         let along_b = at_b * (n.dot(others[0]) * q0 + n.dot(others[1]) * q1);
         let radial = 12.0 * inverse * (p0 * p0 + p1 * p1 + q0 * q0 + q1 * q1) - 2.0 * squares;
         let second = 4.0 * (along_a - along_b) + product * radial;
-        let scale = FRAC_1_PI * a.area() * chunk.area[lane] * inverse * inverse;
+        let scale = FRAC_1_PI * a.area * front.area[lane] * inverse * inverse;
         values[lane] = scale * (product + inverse * second);
     }
     values
@@ -350,8 +428,8 @@ fn weighted_heights(a: &Panel, nodes: &[Node], out: &mut [Lanes; MAX_NODES]) {
 
 /// cosθ_b r at a point: the panels of the chunk are flat, so it is the same for all of their nodes.
 #[inline(always)]
-fn height_above(chunk: &Chunk, x: DVec3, lane: usize) -> f64 {
-    greater((x - chunk.corners[0].at(lane)).dot(chunk.normal.at(lane)), 0.0)
+fn height_above(eight: &Eight<'_>, x: DVec3, lane: usize) -> f64 {
+    greater((x - eight.chunk.corners[0].at(lane)).dot(eight.front.normal.at(lane)), 0.0)
 }
 
 /// r⁴ between a point and a node.
@@ -363,7 +441,8 @@ fn fourth_power(x: DVec3, node: &Node, lane: usize) -> f64 {
 
 /// ∬G by the rung's rules on both sides.
 #[inline(always)]
-fn constants(a: &Panel, chunk: &Chunk, rung: usize) -> Lanes {
+fn constants(one: &One<'_>, eight: &Eight<'_>, rung: usize) -> Lanes {
+    let (a, chunk) = (one.panel, eight.chunk);
     let (points, nodes) = (&a.ladder[rung], &chunk.nodes[rung][..]);
     let mut weights = [[0.0; LANES]; MAX_NODES];
     weighted_heights(a, nodes, &mut weights);
@@ -391,7 +470,7 @@ fn constants(a: &Panel, chunk: &Chunk, rung: usize) -> Lanes {
             }
         }
         for lane in 0..LANES {
-            total[lane] += points.weight[p] * height_above(chunk, x, lane) * sum[lane];
+            total[lane] += points.weight[p] * height_above(eight, x, lane) * sum[lane];
         }
     }
     total
@@ -399,7 +478,8 @@ fn constants(a: &Panel, chunk: &Chunk, rung: usize) -> Lanes {
 
 /// ∬N_k N_l G by the rung's rules on both sides.
 #[inline(always)]
-fn functions(a: &Panel, chunk: &Chunk, rung: usize, values: &mut [Lanes; MAX_DOFS * MAX_DOFS]) {
+fn functions(one: &One<'_>, eight: &Eight<'_>, rung: usize, values: &mut [Lanes; MAX_DOFS * MAX_DOFS]) {
+    let (a, chunk) = (one.panel, eight.chunk);
     let (points, nodes) = (&a.ladder[rung], &chunk.nodes[rung][..]);
     let (on_a, on_b) = (a.tabulated(rung), chunk.tables[rung]);
     let (rows, columns) = (a.element.dofs(), chunk.element.dofs());
@@ -421,7 +501,7 @@ fn functions(a: &Panel, chunk: &Chunk, rung: usize, values: &mut [Lanes; MAX_DOF
             }
         }
         for lane in 0..LANES {
-            g[lane] = points.weight[p] * height_above(chunk, x, lane);
+            g[lane] = points.weight[p] * height_above(eight, x, lane);
         }
         for k in 0..rows {
             for l in 0..columns {
@@ -451,16 +531,16 @@ struct Place {
 
 impl Place {
     #[inline(always)]
-    fn new(a: &Panel, chunk: &Chunk) -> Self {
-        let (n, zero) = (a.normal(), [0.0; LANES]);
+    fn new(a: &Head, front: &Front) -> Self {
+        let (n, zero) = (a.normal, [0.0; LANES]);
         let mut place = Self { at_a: zero, at_b: zero, inverse_d2: zero, surely_whole: 0 };
         let mut margin = zero;
         for lane in 0..LANES {
-            let d = chunk.center.at(lane) - a.center;
+            let d = front.center.at(lane) - a.center;
             place.at_a[lane] = d.dot(n);
-            place.at_b[lane] = -d.dot(chunk.normal.at(lane));
+            place.at_b[lane] = -d.dot(front.normal.at(lane));
             place.inverse_d2[lane] = 1.0 / d.dot(d);
-            margin[lane] = -greater(chunk.radius[lane] - place.at_a[lane], a.radius - place.at_b[lane]);
+            margin[lane] = -greater(front.radius[lane] - place.at_a[lane], a.radius - place.at_b[lane]);
         }
         for lane in 0..LANES {
             place.surely_whole |= u32::from(margin[lane] >= 0.0) << lane;
@@ -471,7 +551,8 @@ impl Place {
 
 /// Masks of the lanes that face the panel at all, and of those where both lie wholly in front of each other.
 #[inline(always)]
-fn facing(a: &Panel, chunk: &Chunk) -> (u32, u32) {
+fn facing(one: &One<'_>, eight: &Eight<'_>) -> (u32, u32) {
+    let (a, chunk) = (one.panel, eight.chunk);
     let (corners, normal) = (a.patch.corners(), a.normal());
     let longest = a.longest_edge;
     let (mut lo, mut hi) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
@@ -485,7 +566,7 @@ fn facing(a: &Panel, chunk: &Chunk) -> (u32, u32) {
     }
     for &corner in corners {
         for lane in 0..LANES {
-            let height = chunk.normal.at(lane).dot(corner - chunk.corners[0].at(lane));
+            let height = eight.front.normal.at(lane).dot(corner - chunk.corners[0].at(lane));
             above[lane] = -greater(-above[lane], -height);
             below[lane] = greater(below[lane], height);
         }
@@ -511,15 +592,15 @@ struct Demand {
 
 impl Demand {
     #[inline(always)]
-    fn new(a: &Panel, chunk: &Chunk, place: &Place, accuracy: &Accuracy) -> Self {
+    fn new(a: &Head, front: &Front, place: &Place, accuracy: &Accuracy) -> Self {
         let mut demand = Self { half_eta: [0.0; LANES], needed: [0.0; LANES], scale: [0.0; LANES] };
         let mean = PI / accuracy.total_area;
         for lane in 0..LANES {
             let inverse = place.inverse_d2[lane];
-            demand.half_eta[lane] = 0.5 * (a.radius + chunk.radius[lane]) * inverse.sqrt();
+            demand.half_eta[lane] = 0.5 * (a.radius + front.radius[lane]) * inverse.sqrt();
             let cosines = place.at_a[lane] * place.at_b[lane];
             demand.needed[lane] = accuracy.tolerance * greater(cosines * inverse, mean / inverse);
-            demand.scale[lane] = a.area() * FRAC_1_PI * chunk.area[lane] * inverse;
+            demand.scale[lane] = a.area * FRAC_1_PI * front.area[lane] * inverse;
         }
         demand
     }

@@ -5,6 +5,7 @@ use crate::mesh::{Mesh, Patch};
 use crate::quadrature::{Rule, rule};
 use crate::space::FunctionSpace;
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 use std::sync::LazyLock;
 
 /// Degrees of the symmetric Gauss rules that a pair of distant panels chooses from.
@@ -46,7 +47,7 @@ pub struct Panel {
 impl Panel {
     /// The panels of all cells of a mesh.
     pub fn of(mesh: &Mesh, space: &FunctionSpace) -> Vec<Self> {
-        (0..mesh.cells.len()).map(|cell| Self::of_cell(mesh, space, cell)).collect()
+        (0..mesh.cells.len()).into_par_iter().map(|cell| Self::of_cell(mesh, space, cell)).collect()
     }
 
     /// The panel of one cell.
@@ -162,7 +163,7 @@ fn tabulate(element: &Element) -> Vec<Vec<[f64; MAX_DOFS]>> {
 
 /// The nodes of a rule on a patch, weighted in m².
 pub(super) fn nodes(patch: &Patch, rule: &Rule) -> Points {
-    let mut points = Points::default();
+    let mut points = Points::with_capacity(rule.points.len());
     for (&at, weight) in rule.points.iter().zip(&rule.weights) {
         points.push(patch.point(at), weight * patch.shape().reference_area() * patch.jacobian(at));
     }

@@ -10,6 +10,7 @@
 //! the scatter of the rays allows, it is multiplied by a number: behind a small hole in a bright room, an error of 1e-3
 //! of the row sums would be more than what the hole lets out.
 
+use super::sealed::is_sealed;
 use super::{Exchange, Geometry, Statistics};
 use crate::assemble::function_weighted_mass;
 use crate::element::Shape;
@@ -261,7 +262,7 @@ pub fn escape(geometry: &Geometry<'_>, seed: u64, progress: &dyn Progress) -> Re
 }
 
 /// For each cell the fraction of cosine rays that hit nothing, or a side of a face that receives nothing. At least
-/// `rays` are cast from each.
+/// `rays` are cast from each, unless it is proven that none gets out.
 ///
 /// # Errors
 /// [`Interrupted`].
@@ -272,6 +273,9 @@ pub fn escapes(
     progress: &dyn Progress,
 ) -> Result<Vec<f64>, Interrupted> {
     let mesh = &geometry.scene.mesh;
+    if is_sealed(geometry) {
+        return Ok(vec![0.0; mesh.cells.len()]);
+    }
     let receives = receiving_sides(geometry.scene);
     let count = rays_per_cell(mesh.cells.len(), rays);
     let lost = |cell: usize| {
@@ -295,7 +299,7 @@ fn rays_per_cell(cells: usize, least: u32) -> u32 {
 }
 
 /// Whether the front and the back of each face of the input receive light.
-fn receiving_sides(scene: &Scene) -> Vec<[bool; 2]> {
+pub(super) fn receiving_sides(scene: &Scene) -> Vec<[bool; 2]> {
     let mut receives = vec![[false; 2]; scene.surfaces.len()];
     for cell in &scene.mesh.cells {
         receives[cell.surface as usize] = [true, scene.materials[cell.material as usize].two_sided];
@@ -304,7 +308,7 @@ fn receiving_sides(scene: &Scene) -> Vec<[bool; 2]> {
 }
 
 /// A uniform point of a cell and a cosine-distributed direction from it.
-fn cosine_ray(patch: &Patch, [u, v, s, t]: [f64; 4]) -> (DVec3, DVec3) {
+pub(super) fn cosine_ray(patch: &Patch, [u, v, s, t]: [f64; 4]) -> (DVec3, DVec3) {
     let normal = patch.normal();
     let e1 = normal.any_orthonormal_vector();
     let (radius, angle) = (s.sqrt(), TAU * t);

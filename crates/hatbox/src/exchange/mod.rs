@@ -11,6 +11,7 @@ mod dense;
 mod hierarchical;
 mod norm;
 mod sampled;
+mod sealed;
 mod tree;
 
 pub use choice::{AUTO, choose};

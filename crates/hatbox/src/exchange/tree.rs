@@ -7,6 +7,7 @@
 use crate::assemble::{FLAT, Panel};
 use crate::visibility::Body;
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -60,16 +61,16 @@ pub(super) struct Tree {
 
 impl Tree {
     pub(super) fn new(panels: &[Panel]) -> Self {
-        let mut tree = Self { order: Vec::with_capacity(panels.len()), clusters: Vec::new(), roots: Vec::new() };
-        for (mut group, plane) in groups(panels) {
-            let start = tree.order.len();
-            let root = tree.clusters.len();
-            tree.order.extend(&group);
-            tree.clusters.push(cluster(panels, &group, start, plane));
-            tree.roots.push(root);
-            tree.divide(panels, &mut group, root);
+        let (mut order, mut parts, mut roots) = (Vec::with_capacity(panels.len()), Vec::new(), Vec::new());
+        for (mut group, flat) in groups(panels) {
+            let start = order.len();
+            roots.push(parts.len());
+            parts.push(Part { range: start..start + group.len(), children: 0..0, flat });
+            divide(panels, &mut group, parts.len() - 1, &mut parts);
+            order.extend(group);
         }
-        tree
+        let clusters = parts.into_par_iter().map(|part| cluster(panels, &order, part)).collect();
+        Self { order, clusters, roots }
     }
 
     /// The largest clusters that are runs of rows: together all panels, in order.
@@ -87,22 +88,29 @@ impl Tree {
         runs
     }
 
-    /// Divides a cluster of the `members` until the leaves are small.
-    fn divide(&mut self, panels: &[Panel], members: &mut [u32], at: usize) {
-        let (start, plane) = (self.clusters[at].range.start, self.clusters[at].plane);
-        if members.len() <= LEAF {
-            return;
-        }
-        let middle = halve(panels, members);
-        self.order[start..start + members.len()].copy_from_slice(members);
-        let first = self.clusters.len();
-        let (left, right) = members.split_at_mut(middle);
-        self.clusters.push(cluster(panels, left, start, plane.is_some()));
-        self.clusters.push(cluster(panels, right, start + middle, plane.is_some()));
-        self.clusters[at].children = first..first + 2;
-        self.divide(panels, left, first);
-        self.divide(panels, right, first + 1);
+}
+
+/// A cluster before its hull is known.
+struct Part {
+    range: Range<usize>,
+    children: Range<usize>,
+    /// Whether its panels lie in a plane.
+    flat: bool,
+}
+
+/// Divides a part of the `members` until the leaves are small, and puts the members in the order of the leaves.
+fn divide(panels: &[Panel], members: &mut [u32], at: usize, parts: &mut Vec<Part>) {
+    if members.len() <= LEAF {
+        return;
     }
+    let (Range { start, end }, flat) = (parts[at].range.clone(), parts[at].flat);
+    let middle = halve(panels, members);
+    let (first, (left, right)) = (parts.len(), members.split_at_mut(middle));
+    parts.push(Part { range: start..start + middle, children: 0..0, flat });
+    parts.push(Part { range: start + middle..end, children: 0..0, flat });
+    parts[at].children = first..first + 2;
+    divide(panels, left, first, parts);
+    divide(panels, right, first + 1, parts);
 }
 
 /// Groups of coplanar panels that look the same way, and the rest in one group; whether each is a plane's.
@@ -159,7 +167,9 @@ fn halve(panels: &[Panel], members: &mut [u32]) -> usize {
     middle
 }
 
-fn cluster(panels: &[Panel], members: &[u32], start: usize, flat: bool) -> Cluster {
+fn cluster(panels: &[Panel], order: &[u32], part: Part) -> Cluster {
+    let Part { range, children, flat } = part;
+    let members = &order[range.clone()];
     let first = &panels[members[0] as usize];
     let plane = flat.then(|| (first.patch.corners()[0], first.normal()));
     let corners = || members.iter().flat_map(|&k| panels[k as usize].patch.corners().iter().copied());
@@ -170,7 +180,7 @@ fn cluster(panels: &[Panel], members: &[u32], start: usize, flat: bool) -> Clust
         }
     };
     let shortest = members.iter().map(|&k| panels[k as usize].longest_edge()).fold(f64::INFINITY, f64::min);
-    Cluster { range: start..start + members.len(), children: 0..0, hull, plane, flat: FLAT * shortest }
+    Cluster { range, children, hull, plane, flat: FLAT * shortest }
 }
 
 /// The convex hull of points of a plane, or a rectangle around it if it has more than eight corners.

@@ -33,6 +33,12 @@ pub struct Points {
 }
 
 impl Points {
+    /// None, with memory for so many.
+    pub fn with_capacity(count: usize) -> Self {
+        let room = || Vec::with_capacity(count);
+        Self { x: room(), y: room(), z: room(), weight: room() }
+    }
+
     /// Adds a point.
     pub fn push(&mut self, point: DVec3, weight: f64) {
         self.x.push(point.x);

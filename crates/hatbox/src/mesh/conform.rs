@@ -43,6 +43,9 @@ impl Mesh {
     fn conformed_once(&self, tolerance: f64) -> (Self, usize) {
         let topology = Topology::new(self);
         let hanging = self.hanging_vertices(&topology, tolerance);
+        if hanging.iter().all(Vec::is_empty) {
+            return (self.clone(), 0);
+        }
         let mut builder = Builder::like(self);
         let mut taken = vec![false; topology.edges()];
         for (index, cell) in self.cells.iter().enumerate() {

@@ -9,7 +9,7 @@ use super::corner::{Builder, Corner};
 use super::topology::UnionFind;
 use super::{Mesh, Topology};
 use crate::element::Shape;
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 use std::ops::ControlFlow;
 
 /// The most cells that a refinement may produce.
@@ -160,7 +160,7 @@ impl<'a> Plan<'a> {
 
     fn carry_out(&self, max_edge: f64) -> (Mesh, Vec<u32>) {
         let builder = Builder::like(self.mesh);
-        let mut build = Build { mesh: self.mesh, cell: 0, builder, midpoints: HashMap::new(), parents: Vec::new() };
+        let mut build = Build { mesh: self.mesh, cell: 0, builder, midpoints: FxHashMap::default(), parents: Vec::new() };
         let _ = self.split(max_edge, &mut build);
         (build.builder.finish(), build.parents)
     }
@@ -240,7 +240,7 @@ struct Build<'a> {
     mesh: &'a Mesh,
     cell: usize,
     builder: Builder,
-    midpoints: HashMap<[u32; 2], u32>,
+    midpoints: FxHashMap<[u32; 2], u32>,
     parents: Vec<u32>,
 }
 

@@ -7,8 +7,9 @@
 
 use super::corner::{Builder, Corner};
 use super::{Cell, Mesh, box_tree};
+use arrayvec::ArrayVec;
 use glam::{DVec3, I64Vec3};
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 /// The welding tolerance relative to the diagonal of the bounding box. Files store positions as `f32` (relative
 /// precision 6e-8), often after a transformation; this is a dozen times coarser.
@@ -55,7 +56,7 @@ impl Mesh {
         // Buckets much larger than the tolerance: then nearly every search looks into one.
         let size = (16.0 * tolerance).max(1e-12 * self.diagonal()).max(f64::MIN_POSITIVE);
         let bucket = |p: DVec3| ((p - origin) / size).floor().as_i64vec3();
-        let mut heads: HashMap<I64Vec3, u32> = HashMap::new();
+        let mut heads: FxHashMap<I64Vec3, u32> = FxHashMap::default();
         let mut next = vec![u32::MAX; self.vertices.len()];
         let mut merged: Vec<u32> = (0..self.vertices.len() as u32).collect();
         for (index, &position) in self.vertices.iter().enumerate().filter(|(_, v)| v.is_finite()) {
@@ -104,9 +105,13 @@ fn buckets(lo: I64Vec3, hi: I64Vec3) -> impl Iterator<Item = I64Vec3> {
 }
 
 /// The corners without repetitions; `None` if they span no area.
-pub(super) fn distinct(corners: &[Corner], tolerance: f64) -> Option<Vec<Corner>> {
-    let mut kept = corners.to_vec();
-    kept.dedup_by_key(|corner| corner.vertex);
+pub(super) fn distinct(corners: &[Corner], tolerance: f64) -> Option<ArrayVec<Corner, 4>> {
+    let mut kept: ArrayVec<Corner, 4> = ArrayVec::new();
+    for corner in corners {
+        if kept.last().is_none_or(|last| last.vertex != corner.vertex) {
+            kept.push(*corner);
+        }
+    }
     if kept.len() > 1 && kept[0].vertex == kept[kept.len() - 1].vertex {
         kept.pop();
     }

@@ -7,7 +7,7 @@
 
 use super::{Camera, Material, Physics, Quantity, Scene, Surface};
 use crate::element::{Basis, Shape};
-use crate::mesh::{Bisected, Builder, Corner, Line, Mesh, RefineError, Refinement};
+use crate::mesh::{Bisected, Builder, Cell, Corner, Line, Mesh, RefineError, Refinement};
 use glam::DVec3;
 use std::fmt;
 use std::sync::Arc;
@@ -139,7 +139,7 @@ impl Scene {
         if mesh.cells.is_empty() {
             return Err(SceneError::NoArea(faces));
         }
-        let (mut mesh, split) = planar(&mesh, tolerance);
+        let (mut mesh, split) = planar(mesh, tolerance);
         let mut surfaces = Vec::with_capacity(mesh.cells.len());
         for index in 0..mesh.cells.len() {
             mesh.cells[index].surface = index as u32;
@@ -311,20 +311,25 @@ fn outside(quantity: &Quantity, band: usize, most: f64) -> Option<f64> {
 }
 
 /// Splits the quads that are not planar within the tolerance or not convex, and counts them.
-fn planar(mesh: &Mesh, tolerance: f64) -> (Mesh, usize) {
-    let mut builder = Builder::like(mesh);
-    let mut split = 0;
-    for (index, cell) in mesh.cells.iter().enumerate() {
+fn planar(mesh: Mesh, tolerance: f64) -> (Mesh, usize) {
+    let from = |(index, cell): (usize, &Cell)| match cell.shape {
+        Shape::Triangle => None,
+        Shape::Quad => diagonal(&mesh.corners(index), tolerance),
+    };
+    let diagonals: Vec<Option<usize>> = mesh.cells.iter().enumerate().map(from).collect();
+    let split = diagonals.iter().flatten().count();
+    if split == 0 {
+        return (mesh, 0);
+    }
+    let mut builder = Builder::like(&mesh);
+    for (index, (cell, diagonal)) in mesh.cells.iter().zip(diagonals).enumerate() {
         let corners = mesh.corners(index);
-        match (cell.shape, diagonal(&corners, tolerance)) {
-            (Shape::Triangle, _) => builder.push(cell, &corners[..3]),
-            (Shape::Quad, None) => builder.push(cell, &corners),
-            (Shape::Quad, Some(k)) => {
-                let [a, b, c, d] = [k, k + 1, k + 2, k + 3].map(|i| corners[i % 4]);
-                builder.push(cell, &[a, b, c]);
-                builder.push(cell, &[a, c, d]);
-                split += 1;
-            }
+        if let Some(k) = diagonal {
+            let [a, b, c, d] = [k, k + 1, k + 2, k + 3].map(|i| corners[i % 4]);
+            builder.push(cell, &[a, b, c]);
+            builder.push(cell, &[a, c, d]);
+        } else {
+            builder.push(cell, &corners[..cell.shape.corners()]);
         }
     }
     let (mesh, _) = builder.finish().welded(tolerance);

@@ -1,7 +1,7 @@
 use crate::mesh::polygon::area_vector;
 use crate::scene::Surface;
 use glam::DVec3;
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 /// Most corners of a merged polygon.
 const MAX_CORNERS: usize = 8;
@@ -33,7 +33,7 @@ struct Union {
     /// The outline of each polygon; empty once it is part of another.
     outlines: Vec<Vec<Corner>>,
     /// The polygon on the left of each directed edge.
-    left_of: HashMap<[u32; 2], usize>,
+    left_of: FxHashMap<[u32; 2], usize>,
     /// What a polygon has become a part of; itself if it has not.
     part_of: Vec<usize>,
 }
@@ -48,7 +48,7 @@ struct Corner {
 
 impl Union {
     fn new(surfaces: &[Surface]) -> Self {
-        let mut index_of = HashMap::new();
+        let mut index_of = FxHashMap::default();
         let mut points = Vec::new();
         let mut corner = |p: DVec3| {
             // Adding zero makes −0 the same as 0.
@@ -61,7 +61,7 @@ impl Union {
         let outlines: Vec<Vec<Corner>> =
             surfaces.iter().map(|face| face.corners().iter().map(|&p| corner(p)).collect()).collect();
         let part_of = (0..outlines.len()).collect();
-        let mut union = Self { points, outlines, left_of: HashMap::new(), part_of };
+        let mut union = Self { points, outlines, left_of: FxHashMap::default(), part_of };
         for polygon in 0..union.outlines.len() {
             union.enter(polygon);
         }

@@ -34,12 +34,12 @@ fn the_a_priori_errors_bound_those_of_midpoints() {
             }
             let accuracy = Accuracy::new(1e-9, a.area() + b.area());
             let exact = pair_block(&a, &b, Sight::Clear, [1.0; 2], &accuracy).sum();
-            let chunk = &Batch::new(&[&b]).chunks[0];
-            let place = Place::new(&a, chunk);
+            let (head, front) = (&Head::of(&a), &Batch::new(&[&b]).fronts[0]);
+            let place = Place::new(head, front);
             let scale = a.area() * b.area() / (PI * d2);
             for (worst, (value, (bound, exponent))) in worst
                 .iter_mut()
-                .zip([(midpoint(&a, chunk, &place)[0], MIDPOINT), (corrected(&a, chunk, &place)[0], corrected_error)])
+                .zip([(midpoint(head, front, &place)[0], MIDPOINT), (corrected(head, front, &place)[0], corrected_error)])
             {
                 let allowed = bound * half_eta.powi(exponent as i32) * scale;
                 *worst = worst.max((value - exact).abs() / (allowed + 1e-8 * scale));

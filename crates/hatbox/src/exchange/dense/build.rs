@@ -24,9 +24,10 @@ pub(super) fn build(geometry: &Geometry<'_>, params: &Params, progress: &dyn Pro
     let tree = Tree::new(geometry.panels());
     let ordered: Vec<&Panel> = tree.order.iter().map(|&panel| &geometry.panels()[panel as usize]).collect();
     let mut dense = Dense::empty(geometry.panels(), &tree.order);
+    let (occluders, batch) = rayon::join(|| Occluders::new(geometry.surfaces), || Batch::new(&ordered));
     let builder = Builder {
-        views: Views { occluders: &Occluders::new(geometry.surfaces), blockers: geometry.blockers },
-        batch: &Batch::new(&ordered),
+        views: Views { occluders: &occluders, blockers: geometry.blockers },
+        batch: &batch,
         panels: &ordered,
         tree: &tree,
         strengths: &tree.order.iter().map(|&panel| params.strength(panel as usize)).collect::<Vec<_>>(),
@@ -68,7 +69,7 @@ struct Strand<'a> {
 /// What the blocks of a run of rows need.
 struct Builder<'a> {
     views: Views<'a>,
-    batch: &'a Batch,
+    batch: &'a Batch<'a>,
     /// In the tree's order.
     panels: &'a [&'a Panel],
     tree: &'a Tree,
@@ -202,7 +203,7 @@ impl Builder<'_> {
         if self.limits.is_some() {
             return;
         }
-        self.batch.masked(self.panels[i], range.start, clear, &self.accuracy, |first, found| {
+        self.batch.masked(i, range.start, clear, &self.accuracy, |first, found| {
             self.take(i, first, found, rows);
         });
     }
@@ -223,8 +224,7 @@ impl Builder<'_> {
         if self.limits.is_some() {
             return;
         }
-        let panels = &self.panels[of.clone()];
-        self.batch.blocks(panels, with, &self.accuracy, |k, first, found| self.take(of.start + k, first, found, rows));
+        self.batch.blocks(of, with, &self.accuracy, |i, first, found| self.take(i, first, found, rows));
     }
 
     /// Puts what a chunk has found for a panel where it belongs, and integrates the rest.

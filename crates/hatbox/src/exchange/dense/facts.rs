@@ -19,7 +19,8 @@ pub struct RowFacts {
 /// Columns of the facts of all places.
 struct Facts {
     sums: Vec<f64>,
-    counts: Vec<u32>,
+    /// Whole numbers, as wide as the others, so that all go through the same registers.
+    counts: Vec<f64>,
     errors: Vec<f64>,
 }
 
@@ -40,7 +41,7 @@ impl Dense {
         let area: Vec<f64> = self.unknowns.iter().map(|&cell| areas[cell as usize]).collect();
         let areas = Areas { inverse: area.iter().map(|area| 1.0 / area).collect(), area };
         let run = |run: usize| {
-            let mut facts = Facts { sums: vec![0.0; cells], counts: vec![0; cells], errors: vec![0.0; cells] };
+            let mut facts = Facts { sums: vec![0.0; cells], counts: vec![0.0; cells], errors: vec![0.0; cells] };
             for place in (run..cells).step_by(RUNS) {
                 scan(place, self.table.row(place), &areas, &mut facts);
             }
@@ -51,7 +52,7 @@ impl Dense {
             let place = place as usize;
             RowFacts {
                 sum: runs.iter().map(|run| run.sums[place]).sum(),
-                nonzeros: runs.iter().map(|run| run.counts[place] as usize).sum(),
+                nonzeros: runs.iter().map(|run| run.counts[place]).sum::<f64>() as usize,
                 reciprocity_error: runs.iter().map(|run| run.errors[place]).fold(0.0, greater),
             }
         };
@@ -68,39 +69,69 @@ fn greater(a: f64, b: f64) -> f64 {
 /// Numbers that are added up side by side, so that sums are the same on every processor and can be vectorized.
 const LANES: usize = 8;
 
+/// What numbers side by side add up to.
+struct Totals {
+    sum: [f64; LANES],
+    count: [f64; LANES],
+    worst: [f64; LANES],
+}
+
 /// Adds a row of the upper triangle to the facts of its own place and of those of its columns.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+fma", "x86_64+avx2+fma", "aarch64+neon"))]
 fn scan(place: usize, row: &[f64], areas: &Areas, facts: &mut Facts) {
-    let (own, row) = ([areas.area[place], areas.inverse[place]], &row[1..]);
-    let (mut sum, mut count, mut worst) = ([0.0; LANES], [0; LANES], [0.0; LANES]);
-    let (n, first) = (row.len(), place + 1);
-    let (area, inverse) = (&areas.area[first..][..n], &areas.inverse[first..][..n]);
-    let (sums, counts) = (&mut facts.sums[first..][..n], &mut facts.counts[first..][..n]);
-    let errors = &mut facts.errors[first..][..n];
-    for start in (0..n).step_by(LANES) {
-        let end = if start + LANES < n { start + LANES } else { n };
-        for k in start..end {
-            let (lane, s) = (k - start, row[k]);
-            let (seen, error) = judged(s, own, [area[k], inverse[k]]);
-            sums[k] += s;
-            counts[k] += seen;
-            errors[k] = greater(errors[k], error);
-            sum[lane] += s;
-            count[lane] += seen;
-            worst[lane] = greater(worst[lane], error);
+    let own = [areas.area[place], areas.inverse[place]];
+    let mut totals = Totals { sum: [0.0; LANES], count: [0.0; LANES], worst: [0.0; LANES] };
+    let (s, rest) = row[1..].as_chunks::<LANES>();
+    let (area, area_rest) = areas.area[place + 1..].as_chunks();
+    let (inverse, inverse_rest) = areas.inverse[place + 1..].as_chunks();
+    let (sums, sums_rest) = facts.sums[place + 1..].as_chunks_mut();
+    let (counts, counts_rest) = facts.counts[place + 1..].as_chunks_mut();
+    let (errors, errors_rest) = facts.errors[place + 1..].as_chunks_mut();
+    for k in 0..s.len() {
+        let columns = Columns { sums: &mut sums[k], counts: &mut counts[k], errors: &mut errors[k] };
+        add(&s[k], own, [&area[k], &inverse[k]], columns, &mut totals);
+    }
+    if !rest.is_empty() {
+        // Filled up with zeros, which count for nothing.
+        let filled = |values: &[f64]| std::array::from_fn(|k| values.get(k).copied().unwrap_or(0.0));
+        let [mut sums, mut counts, mut errors] = [&*sums_rest, counts_rest, errors_rest].map(filled);
+        let columns = Columns { sums: &mut sums, counts: &mut counts, errors: &mut errors };
+        add(&filled(rest), own, [&filled(area_rest), &filled(inverse_rest)], columns, &mut totals);
+        for (to, from) in [(sums_rest, sums), (counts_rest, counts), (errors_rest, errors)] {
+            to.copy_from_slice(&from[..to.len()]);
         }
     }
     for lane in 0..LANES {
-        facts.sums[place] += sum[lane];
-        facts.counts[place] += count[lane];
-        facts.errors[place] = greater(facts.errors[place], worst[lane]);
+        facts.sums[place] += totals.sum[lane];
+        facts.counts[place] += totals.count[lane];
+        facts.errors[place] = greater(facts.errors[place], totals.worst[lane]);
     }
 }
 
-/// Whether two cells exchange anything, and how far the factors either way are from reciprocal. The cells are given by
-/// area and inverse area.
+/// The facts of as many columns.
+struct Columns<'a> {
+    sums: &'a mut [f64; LANES],
+    counts: &'a mut [f64; LANES],
+    errors: &'a mut [f64; LANES],
+}
+
+/// Adds as many numbers of a row to the facts of their columns and to what the row adds up to. The error is how far two
+/// cells are from reciprocal; the cells are given by area and inverse area.
 #[inline(always)]
-fn judged(s: f64, one: [f64; 2], other: [f64; 2]) -> (u32, f64) {
-    let (there, back) = (one[0] * (s * one[1]), other[0] * (s * other[1]));
-    if s == 0.0 { (0, 0.0) } else { (1, (there - back).abs() / s) }
+fn add(s: &[f64; LANES], own: [f64; 2], other: [&[f64; LANES]; 2], columns: Columns<'_>, totals: &mut Totals) {
+    let (mut seen, mut error) = ([0.0; LANES], [0.0; LANES]);
+    for k in 0..LANES {
+        let (there, back) = (own[0] * (s[k] * own[1]), other[0][k] * (s[k] * other[1][k]));
+        seen[k] = f64::from(u8::from(s[k] != 0.0));
+        // What is zero is zero either way, without a branch.
+        error[k] = (there - back).abs() / greater(s[k].abs(), f64::MIN_POSITIVE);
+    }
+    for k in 0..LANES {
+        columns.sums[k] += s[k];
+        columns.counts[k] += seen[k];
+        columns.errors[k] = greater(columns.errors[k], error[k]);
+        totals.sum[k] += s[k];
+        totals.count[k] += seen[k];
+        totals.worst[k] = greater(totals.worst[k], error[k]);
+    }
 }

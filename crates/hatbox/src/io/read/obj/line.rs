@@ -58,7 +58,17 @@ impl<'a> Line<'a> {
 
     /// The k-th word as a number.
     pub(super) fn number(&self, k: usize) -> Result<f64, ReadError> {
-        let word = self.words().nth(k);
+        self.parsed(k, self.words().nth(k))
+    }
+
+    /// The first three words as numbers.
+    pub(super) fn numbers(&self) -> Result<[f64; 3], ReadError> {
+        let mut words = self.words();
+        Ok([self.parsed(0, words.next())?, self.parsed(1, words.next())?, self.parsed(2, words.next())?])
+    }
+
+    /// The k-th word, which is this one if there is any, as a number.
+    fn parsed(&self, k: usize, word: Option<&str>) -> Result<f64, ReadError> {
         word.and_then(|word| word.parse().ok()).ok_or_else(|| {
             let reason = match word {
                 Some(word) => format!("`{word}` is not a number"),
@@ -66,11 +76,6 @@ impl<'a> Line<'a> {
             };
             ReadError::new(self.file, self.place(), reason, "correct the line")
         })
-    }
-
-    /// The first three words as numbers.
-    pub(super) fn numbers(&self) -> Result<[f64; 3], ReadError> {
-        Ok([self.number(0)?, self.number(1)?, self.number(2)?])
     }
 }
 
