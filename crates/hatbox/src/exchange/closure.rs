@@ -272,10 +272,20 @@ pub fn escapes(
     seed: u64,
     progress: &dyn Progress,
 ) -> Result<Vec<f64>, Interrupted> {
-    let mesh = &geometry.scene.mesh;
     if is_sealed(geometry) {
-        return Ok(vec![0.0; mesh.cells.len()]);
+        return Ok(vec![0.0; geometry.scene.mesh.cells.len()]);
     }
+    measured(geometry, rays, seed, progress)
+}
+
+/// [`escapes`], by rays whatever is known.
+pub(super) fn measured(
+    geometry: &Geometry<'_>,
+    rays: u32,
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<Vec<f64>, Interrupted> {
+    let mesh = &geometry.scene.mesh;
     let receives = receiving_sides(geometry.scene);
     let count = rays_per_cell(mesh.cells.len(), rays);
     let lost = |cell: usize| {

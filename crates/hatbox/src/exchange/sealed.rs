@@ -61,3 +61,70 @@ fn winding(geometry: &Geometry<'_>, cell: usize) -> Option<i64> {
     let first = along(0);
     (1..RAYS).all(|k| along(k) == first).then_some(first)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::closure::measured;
+    use super::*;
+    use crate::element::{ALL, Shape};
+    use crate::mesh::Cell as Face;
+    use crate::progress::Silent;
+    use crate::scene::{Material, Physics, Scene};
+    use crate::space::FunctionSpace;
+    use crate::visibility::Bvh;
+    use glam::DVec3;
+    use std::sync::{Arc, OnceLock};
+
+    /// A box from corner to corner, its lit sides inside or outside, without the faces of `left_out`.
+    fn add_box(mesh: &mut Mesh, [from, to]: [f64; 2], inside: bool, left_out: &[usize]) {
+        const FACES: [[usize; 4]; 6] =
+            [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
+        let at = |k: usize| DVec3::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2) as f64) * (to - from) + from;
+        for (k, mut face) in FACES.into_iter().enumerate().filter(|(k, _)| !left_out.contains(k)) {
+            if !inside {
+                face.reverse();
+            }
+            let first = mesh.vertices.len() as u32;
+            mesh.vertices.extend(face.map(at));
+            let vertices = [0, 1, 2, 3].map(|k| first + k);
+            let group = (k == 0) as u32;
+            mesh.cells.push(Face { shape: Shape::Quad, vertices, material: 0, group, surface: 0 });
+        }
+    }
+
+    /// Whether a scene is proven to be sealed; if it is, and if it is not because it is open, rays have to agree.
+    fn sealed(boxes: &[([f64; 2], bool, &[usize])], material: Material) -> bool {
+        let mut mesh = Mesh { groups: vec!["a".into(), "b".into()], ..Mesh::default() };
+        for &(corners, inside, left_out) in boxes {
+            add_box(&mut mesh, corners, inside, left_out);
+        }
+        let scene = Scene::new(mesh, vec![material], Physics::Light, None).expect("a scene");
+        let space = FunctionSpace::broken(&scene.mesh, &ALL[0]).expect("a space");
+        let (panels, blockers) = (OnceLock::new(), Arc::new(Bvh::of_surfaces(&scene.surfaces)));
+        let geometry = Geometry::new(&scene, &space, &blockers, &panels);
+        let sealed = is_sealed(&geometry);
+        let lost = measured(&geometry, 4096, 0, &Silent).expect("not interrupted");
+        assert!(!sealed || lost.iter().all(|&lost| lost == 0.0), "rays get out of {boxes:?}");
+        sealed
+    }
+
+    #[test]
+    fn rooms_are_sealed_and_what_is_open_inside_out_or_nested_is_not() {
+        let gray = || Material::diffuse("gray", 0.5);
+        let (room, table, hall) = (([0.0, 1.0], true, &[][..]), ([0.3, 0.6], false, &[][..]), ([-1.0, 2.0], true, &[][..]));
+        assert!(sealed(&[room], gray()), "a room");
+        assert!(sealed(&[room, table], gray()), "with something floating in it");
+        assert!(sealed(&[room, ([3.0, 4.0], true, &[])], gray()), "two rooms apart");
+        assert!(!sealed(&[([0.0, 1.0], true, &[4])], gray()), "a wall is missing");
+        assert!(!sealed(&[([0.0, 1.0], false, &[])], gray()), "seen from outside");
+        assert!(!sealed(&[room, ([0.3, 0.6], false, &[2])], gray()), "the table is a bowl: its inside is a back");
+        assert!(!sealed(&[hall, room], gray()), "a room in a hall: from the hall its backs are seen");
+        assert!(!sealed(&[room, ([1.3, 1.6], false, &[])], gray()), "the table stands outside");
+    }
+
+    #[test]
+    fn a_room_of_two_sided_walls_has_an_outside() {
+        let room = ([0.0, 1.0], true, &[][..]);
+        assert!(!sealed(&[room], Material { two_sided: true, ..Material::diffuse("sheet", 0.5) }));
+    }
+}

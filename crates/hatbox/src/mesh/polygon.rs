@@ -16,11 +16,17 @@ pub(crate) fn area(corners: &[DVec3]) -> f64 {
 /// Hands over the corners of the part where a linear function is positive (I. Sutherland, G. Hodgman, "Reentrant polygon
 /// clipping", CACM 17, 1974): at most one more than there were.
 #[inline]
-pub(crate) fn clip(corners: &[DVec3], height: impl Fn(DVec3) -> f64, mut keep: impl FnMut(DVec3)) {
+pub(crate) fn clip(corners: &[DVec3], height: impl Fn(DVec3) -> f64, keep: impl FnMut(DVec3)) {
+    clip_at(corners, |k| height(corners[k]), keep);
+}
+
+/// [`clip`] by the heights of the corners.
+#[inline]
+pub(crate) fn clip_at(corners: &[DVec3], height: impl Fn(usize) -> f64, mut keep: impl FnMut(DVec3)) {
     let Some(&last) = corners.last() else { return };
-    let (mut from, mut h_from) = (last, height(last));
-    for &corner in corners {
-        let h = height(corner);
+    let (mut from, mut h_from) = (last, height(corners.len() - 1));
+    for (k, &corner) in corners.iter().enumerate() {
+        let h = height(k);
         if (h > 0.0 && h_from < 0.0) || (h < 0.0 && h_from > 0.0) {
             keep(from.lerp(corner, h_from / (h_from - h)));
         }

@@ -141,18 +141,25 @@ impl Shaft {
             for [p, q] in body.edges() {
                 let edge = self.corners[own + q] - self.corners[own + p];
                 for at in other.clone() {
-                    self.push_facet(edge.cross(self.corners[at] - self.corners[own + p]));
+                    self.push_facet(edge.cross(self.corners[at] - self.corners[own + p]), own + p);
                 }
             }
         }
     }
 
-    /// Adds the planes of a normal that support both polygons on the same side.
-    fn push_facet(&mut self, normal: DVec3) {
+    /// Adds the planes of a normal that support both polygons on the same side. `at` is a corner of the edge that they go
+    /// through; most go through the midst of the other polygon, which is therefore asked first.
+    fn push_facet(&mut self, normal: DVec3, at: usize) {
         let length = normal.length();
-        let [a, b] = self.polygons().map(|polygon| range(polygon, normal));
+        let ([a, b], slack) = (self.polygons(), self.touch * length);
+        let (own, other) = if at < self.first { (a, b) } else { (b, a) };
+        let (theirs, height) = (range(other, normal), normal.dot(self.corners[at]));
+        if theirs[0] < height - slack && theirs[1] > height + slack {
+            return;
+        }
+        let ours = range(own, normal);
         for side in [1, 0] {
-            if length > 0.0 && (a[side] - b[side]).abs() <= self.touch * length {
+            if length > 0.0 && (ours[side] - theirs[side]).abs() <= slack {
                 self.push(if side == 1 { normal } else { -normal } / length);
             }
         }

@@ -16,14 +16,13 @@
 use super::creases::Ground;
 use super::near::Inner;
 use super::outer::{Crease, Outer, Shadows};
-use super::region::{POLYGON, Polygon, clip};
+use super::region::{POLYGON, Polygon, clip, clip_at};
 use super::{Accuracy, Block, Facing, Region, sampled};
 use crate::assemble::Panel;
 use crate::element::MAX_DOFS;
 use crate::mesh::polygon::{self, area_vector};
-use arrayvec::ArrayVec;
 use glam::DVec3;
-use std::cell::{Cell, OnceCell};
+use std::cell::{Cell, OnceCell, RefCell};
 use std::f64::consts::PI;
 
 /// Degrees of the outer rules; across a crease the higher ones are no better.
@@ -61,9 +60,9 @@ pub(super) fn block(
         let above_both = clip(&above_a, |p| b.normal().dot(p - b.patch.corners()[0]));
         (above_both.len() >= 3).then_some(above_both)
     };
-    let blockers: Vec<Polygon> = polygons.iter().filter_map(between).collect();
+    let blockers: Vec<Blocker> = polygons.iter().filter_map(between).map(Blocker::new).collect();
     let distance =
-        |panel: &Panel| blockers.iter().map(|polygon| remoteness(panel, polygon)).fold(f64::INFINITY, f64::min);
+        |panel: &Panel| blockers.iter().map(|blocker| remoteness(panel, blocker)).fold(f64::INFINITY, f64::min);
     let closed = [a, b].map(|panel| panel.functions.is_some());
     let a_outside = closed[1] && (!closed[0] || distance(a) >= distance(b));
     let [first, second] = [&facing.first, &facing.second];
@@ -93,22 +92,25 @@ pub(super) fn row(source: &Panel, from: &Region, polygons: &[&[DVec3]], x: DVec3
         let above_both = clip(&above_point, |p| source.normal().dot(p - source.patch.corners()[0]));
         (above_both.len() >= 3).then_some(above_both)
     };
-    let blockers: Vec<Polygon> = polygons.iter().filter_map(between).collect();
-    visible_row(source, from, &blockers, (x, n), |_| {})
+    let blockers: Vec<Blocker> = polygons.iter().filter_map(between).map(Blocker::new).collect();
+    visible_row(source, from, &blockers, (x, n), &mut Vec::new(), |_| {})
 }
 
-/// ∫N_k G V over a part of a panel at a point with a normal; `found` hears of the blockers that hide some of it.
+/// ∫N_k G V over a part of a panel at a point with a normal; `found` hears of the blockers that hide some of it, `pieces`
+/// is scratch space.
 fn visible_row(
     source: &Panel,
     from: &Region,
-    blockers: &[Polygon],
+    blockers: &[Blocker],
     (x, n): (DVec3, DVec3),
+    pieces: &mut Vec<Polygon>,
     mut found: impl FnMut(usize),
 ) -> Option<[f64; MAX_DOFS]> {
-    let mut pieces = vec![from.corners().iter().copied().collect::<Polygon>()];
+    pieces.clear();
+    pieces.push(from.corners().iter().copied().collect());
     let mut hidden = false;
     for (k, blocker) in blockers.iter().enumerate() {
-        if remove_cone(&mut pieces, x, blocker) {
+        if remove_cone(pieces, x, blocker) {
             hidden = true;
             found(k);
         }
@@ -117,7 +119,8 @@ fn visible_row(
         return None;
     }
     let mut sum = [0.0; MAX_DOFS];
-    for piece in pieces.iter().filter(|piece| !hidden || width(piece) > CRACK * source.radius) {
+    let counts = |piece: &&Polygon| !piece.is_empty() && (!hidden || width(piece) > CRACK * source.radius);
+    for piece in pieces.iter().filter(counts) {
         let values = Inner::new(source, piece).at(x, n);
         sum = std::array::from_fn(|k| sum[k] + values[k]);
     }
@@ -130,7 +133,9 @@ struct Shadow<'a> {
     on: &'a Region,
     source: &'a Panel,
     from: &'a Region,
-    blockers: &'a [Polygon],
+    blockers: &'a [Blocker],
+    /// Pieces of the source.
+    scratch: RefCell<Vec<Polygon>>,
     /// Bit k: a point of the receiver has missed some of the source because of blocker k.
     affected: Cell<u32>,
     /// The source has come to too many pieces.
@@ -139,13 +144,14 @@ struct Shadow<'a> {
 }
 
 impl<'a> Shadow<'a> {
-    fn new(receiver: &'a Panel, on: &'a Region, source: &'a Panel, from: &'a Region, blockers: &'a [Polygon]) -> Self {
+    fn new(receiver: &'a Panel, on: &'a Region, source: &'a Panel, from: &'a Region, blockers: &'a [Blocker]) -> Self {
         Self {
             receiver,
             on,
             source,
             from,
             blockers,
+            scratch: RefCell::new(Vec::new()),
             affected: Cell::new(0),
             overflowed: Cell::new(false),
             creases: OnceCell::new(),
@@ -175,7 +181,7 @@ impl<'a> Shadow<'a> {
     fn creases(&self) -> &[Crease] {
         self.creases.get_or_init(|| {
             let Panel { center, radius, .. } = *self.receiver;
-            Ground { center, radius, normal: self.receiver.normal() }.creases(self.from.corners(), self.blockers)
+            Ground { center, radius, normal: self.receiver.normal() }.creases(self.from.corners(), self.blockers.iter().map(|blocker| &blocker.outline[..]))
         })
     }
 
@@ -185,7 +191,8 @@ impl<'a> Shadow<'a> {
             return [0.0; MAX_DOFS];
         }
         let found = |k: usize| self.affected.set(self.affected.get() | 1_u32.checked_shl(k as u32).unwrap_or(0));
-        let row = visible_row(self.source, self.from, self.blockers, (x, self.receiver.normal()), found);
+        let (receiver, pieces) = ((x, self.receiver.normal()), &mut self.scratch.borrow_mut());
+        let row = visible_row(self.source, self.from, self.blockers, receiver, pieces, found);
         row.unwrap_or_else(|| {
             self.overflowed.set(true);
             [0.0; MAX_DOFS]
@@ -198,11 +205,11 @@ impl<'a> Shadow<'a> {
     /// of both: what stands there is seen. What stands nearer to the receiver may hide between the views.
     fn undiscovered(&self, sum: f64) -> f64 {
         let unseen = |k: usize| self.affected.get() >> k & 1 == 0;
-        let hidden = |polygon: &Polygon| remoteness(self.receiver, polygon) < remoteness(self.source, polygon);
+        let hidden = |blocker: &Blocker| remoteness(self.receiver, blocker) < remoteness(self.source, blocker);
         let blockers = self.blockers.iter().enumerate();
         let through: f64 = blockers
-            .filter(|&(k, polygon)| unseen(k) && hidden(polygon))
-            .map(|(_, polygon)| self.through(polygon))
+            .filter(|&(k, blocker)| unseen(k) && hidden(blocker))
+            .map(|(_, blocker)| self.through(&blocker.outline))
             .sum();
         through.min(sum / (OUTER_POINTS + 2.0))
     }
@@ -217,14 +224,15 @@ impl<'a> Shadow<'a> {
 }
 
 /// The distance of a polygon from a panel's centre, in radii of the panel.
-fn remoteness(panel: &Panel, polygon: &Polygon) -> f64 {
-    distance(panel.center, polygon) / panel.radius
+fn remoteness(panel: &Panel, blocker: &Blocker) -> f64 {
+    distance(panel.center, blocker) / panel.radius
 }
 
 /// The distance of a point from a convex planar polygon.
-fn distance(p: DVec3, polygon: &Polygon) -> f64 {
+fn distance(p: DVec3, blocker: &Blocker) -> f64 {
+    let polygon = &blocker.outline;
     let edge = |k: usize| (polygon[k], polygon[(k + 1) % polygon.len()]);
-    let normal = area_vector(polygon).normalize_or_zero();
+    let normal = blocker.normal.normalize_or_zero();
     let inside = |k: usize| {
         let (from, to) = edge(k);
         normal.cross(to - from).dot(p - from) >= 0.0
@@ -241,40 +249,46 @@ fn distance(p: DVec3, polygon: &Polygon) -> f64 {
     (0..polygon.len()).map(to_edge).fold(f64::INFINITY, f64::min)
 }
 
+/// A convex polygon that may hide something.
+struct Blocker {
+    outline: Polygon,
+    /// See [`area_vector`].
+    normal: DVec3,
+}
+
+impl Blocker {
+    fn new(outline: Polygon) -> Self {
+        Self { normal: area_vector(&outline), outline }
+    }
+}
+
 /// Takes the part of the pieces away that a convex polygon hides from `x`; whether there was any.
-fn remove_cone(pieces: &mut Vec<Polygon>, x: DVec3, blocker: &Polygon) -> bool {
-    let count = blocker.len();
-    let to = |k: usize| blocker[k % count] - x;
-    let normal = area_vector(blocker);
-    let height = normal.dot(to(0));
-    if height.abs() <= EDGE_ON * normal.length() * to(0).length() {
+///
+/// Pieces are kept where they are: each is a third of a kilobyte, and moving them about took as long as cutting them.
+fn remove_cone(pieces: &mut Vec<Polygon>, x: DVec3, blocker: &Blocker) -> bool {
+    let rays: Polygon = blocker.outline.iter().map(|&corner| corner - x).collect();
+    let height = blocker.normal.dot(rays[0]);
+    if height.abs() <= EDGE_ON * blocker.normal.length() * rays[0].length() {
         return false;
     }
     // Inward normals of the cone's sides.
-    let mut sides = ArrayVec::<DVec3, POLYGON>::new();
-    for k in 0..count {
-        let side = to(k).cross(to(k + 1)) * height.signum();
+    let mut sides = Polygon::new();
+    for (k, ray) in rays.iter().enumerate() {
+        let side = ray.cross(rays[if k + 1 < rays.len() { k + 1 } else { 0 }]) * height.signum();
         if pieces.iter().all(|piece| misses(piece, x, side)) {
             return false;
         }
-        sides.push(side.normalize_or_zero());
+        sides.push(side);
+    }
+    for side in &mut sides {
+        *side = side.normalize_or_zero();
     }
     let mut hidden = false;
-    let mut k = 0;
-    let mut end = pieces.len();
-    while k < end {
-        if sides.iter().any(|&side| misses(&pieces[k], x, side)) || pieces.len() > MAX_PIECES {
-            k += 1;
-            continue;
+    for k in 0..pieces.len() {
+        if pieces.len() <= MAX_PIECES && !sides.iter().any(|&side| misses(&pieces[k], x, side)) {
+            hidden = true;
+            split(k, x, &sides, pieces);
         }
-        hidden = true;
-        let piece = pieces.swap_remove(k);
-        end -= 1;
-        if end < pieces.len() {
-            // A piece that has been looked at already has taken its place.
-            pieces.swap(k, end);
-        }
-        split(piece, x, &sides, pieces);
     }
     hidden
 }
@@ -284,16 +298,33 @@ fn misses(polygon: &Polygon, x: DVec3, inwards: DVec3) -> bool {
     polygon.iter().all(|&y| inwards.dot(y - x) <= 0.0)
 }
 
-/// Adds what of a piece is outside the cone of the sides with these inward normals.
-fn split(mut piece: Polygon, x: DVec3, sides: &[DVec3], pieces: &mut Vec<Polygon>) {
-    let edge = EDGE * piece.iter().map(|&y| y.distance_squared(x)).fold(0.0, f64::max).sqrt();
+/// Replaces a piece by what of it is outside the cone of the sides with these inward normals: the first part takes its
+/// place, the others are added; nothing, if nothing is left.
+fn split(at: usize, x: DVec3, sides: &[DVec3], pieces: &mut Vec<Polygon>) {
+    let (mut piece, mut other) = (pieces[at].take(), Polygon::new());
+    let (mut inside, mut rest) = (&mut piece, &mut other);
+    let edge = EDGE * inside.iter().map(|&y| y.distance_squared(x)).fold(0.0, f64::max).sqrt();
     for side in sides {
-        let outside = clip(&piece, |y| -side.dot(y - x) - edge);
-        if outside.len() >= 3 {
-            pieces.push(outside);
+        let mut heights = [0.0; POLYGON];
+        for (height, &y) in heights.iter_mut().zip(&*inside) {
+            *height = side.dot(y - x);
         }
-        piece = clip(&piece, |y| side.dot(y - x));
-        if piece.len() < 3 {
+        let to = if pieces[at].is_empty() {
+            at
+        } else {
+            pieces.push(Polygon::new());
+            pieces.len() - 1
+        };
+        clip_at(inside, |k| -heights[k] - edge, &mut pieces[to]);
+        if pieces[to].len() < 3 {
+            pieces[to].clear();
+            if to > at {
+                pieces.pop();
+            }
+        }
+        clip_at(inside, |k| heights[k], rest);
+        std::mem::swap(&mut inside, &mut rest);
+        if inside.len() < 3 {
             break;
         }
     }
@@ -307,7 +338,6 @@ fn width(polygon: &Polygon) -> f64 {
 }
 
 /// Whether the segment between two points crosses a convex polygon.
-fn crosses(x: DVec3, y: DVec3, polygon: &Polygon) -> bool {
-    let mut line = vec![Polygon::from_iter([y, y, y])];
-    remove_cone(&mut line, x, polygon)
+fn crosses(x: DVec3, y: DVec3, polygon: &Blocker) -> bool {
+    remove_cone(&mut vec![Polygon::from_iter([y, y, y])], x, polygon)
 }

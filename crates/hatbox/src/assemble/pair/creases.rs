@@ -7,7 +7,6 @@
 //! one point as seen from the receiver (EEE events) make curves; those are left to quartering.
 
 use super::outer::Crease;
-use super::region::Polygon;
 use crate::mesh::polygon::area_vector;
 use glam::DVec3;
 
@@ -24,8 +23,12 @@ pub(super) struct Ground {
 
 impl Ground {
     /// The creases within the circle.
-    pub(super) fn creases(&self, source: &[DVec3], blockers: &[Polygon]) -> Vec<Crease> {
-        let outlines: Vec<&[DVec3]> = std::iter::once(source).chain(blockers.iter().map(|b| &b[..])).collect();
+    pub(super) fn creases<'a>(
+        &self,
+        source: &'a [DVec3],
+        blockers: impl Iterator<Item = &'a [DVec3]>,
+    ) -> Vec<Crease> {
+        let outlines: Vec<&[DVec3]> = std::iter::once(source).chain(blockers).collect();
         let mut creases = Vec::new();
         for (k, first) in outlines.iter().enumerate() {
             for second in &outlines[..k] {
@@ -33,7 +36,7 @@ impl Ground {
                 self.cast_all(second, first, &mut creases);
             }
         }
-        creases.extend(blockers.iter().filter_map(|blocker| self.edge_on(blocker)));
+        creases.extend(outlines[1..].iter().filter_map(|blocker| self.edge_on(blocker)));
         creases
     }
 
@@ -70,7 +73,7 @@ impl Ground {
     }
 
     /// The line in which the plane of a blocker meets the ground.
-    fn edge_on(&self, blocker: &Polygon) -> Option<Crease> {
+    fn edge_on(&self, blocker: &[DVec3]) -> Option<Crease> {
         let normal = area_vector(blocker).try_normalize()?;
         let along = normal.cross(self.normal).try_normalize()?;
         // Down the ground's steepest way to the blocker's plane.

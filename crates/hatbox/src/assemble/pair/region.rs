@@ -37,6 +37,12 @@ pub(crate) fn clip(corners: &[DVec3], height: impl Fn(DVec3) -> f64) -> Polygon 
     part
 }
 
+/// [`clip`] by the heights of the corners, into a polygon whose memory is there.
+pub(super) fn clip_at(corners: &[DVec3], height: impl Fn(usize) -> f64, part: &mut Polygon) {
+    part.clear();
+    polygon::clip_at(corners, height, |corner| _ = part.try_push(corner));
+}
+
 /// A planar convex polygon: a panel, or what is left of it in front of another panel's plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Region {

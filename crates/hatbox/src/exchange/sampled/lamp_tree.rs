@@ -2,15 +2,15 @@
 //!
 //! With a lamp in every room of a building, asking every lamp at every point takes longer than all rays, and what most of
 //! them give is nothing. So a cut of at most [`CUT`] nodes is made for each cell, the node that can give most being opened
-//! first (B. Walter et al., "Lightcuts", SIGGRAPH 2005). A node that stays shut is represented by one of its lamps, drawn
-//! with a chance like its power, which then counts as much more: all lamps are right in the mean.
+//! first (B. Walter et al., "Lightcuts", SIGGRAPH 2005). A node that stays shut is represented by one of its lamps, another
+//! one at every point, drawn with a chance like its power; it then counts as much more: all lamps are right in the mean.
 
 use glam::DVec3;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::f64::consts::FRAC_1_PI;
 
-/// Nodes of a cut; so many lamps need no tree.
+/// Nodes of a cut.
 pub(super) const CUT: usize = 64;
 
 /// A lamp as the tree sees it: the middle, the radius around it, and the power.
@@ -82,9 +82,8 @@ impl LampTree {
         here as u32
     }
 
-    /// The lamps to ask for a sphere whose points have the normal `n`. `draw` gives numbers between 0 and 1 that decide who
-    /// represents a node.
-    pub(super) fn cut(&self, x: DVec3, radius: f64, n: DVec3, mut draw: impl FnMut() -> f64) -> Vec<Chosen> {
+    /// The nodes to ask for a sphere whose points have the normal `n`; those that follow each other are near each other.
+    pub(super) fn cut(&self, x: DVec3, radius: f64, n: DVec3) -> Vec<u32> {
         let open = |node: u32| {
             let bound = self.nodes[node as usize].around.most(x, radius, n);
             // The bits of positive numbers are in their order.
@@ -95,16 +94,31 @@ impl LampTree {
         let mut chosen = Vec::with_capacity(CUT);
         while let Some((_, Reverse(node))) = queue.pop() {
             match self.nodes[node as usize].below {
-                Below::Lamp(lamp) => chosen.push(Chosen { lamp, times: 1.0 }),
-                Below::Nodes(_) if chosen.len() + queue.len() + 2 > CUT => chosen.push(self.represent(node, draw())),
-                Below::Nodes(children) => queue.extend(children.into_iter().filter_map(open)),
+                Below::Nodes(children) if chosen.len() + queue.len() + 2 <= CUT => {
+                    queue.extend(children.into_iter().filter_map(open));
+                }
+                _ => chosen.push(node),
             }
         }
+        chosen.sort_unstable();
         chosen
     }
 
+    /// The lamp that a node is, if it is one.
+    pub(super) fn lamp(&self, node: u32) -> Option<u32> {
+        match self.nodes[node as usize].below {
+            Below::Lamp(lamp) => Some(lamp),
+            Below::Nodes(_) => None,
+        }
+    }
+
+    /// What lies around the lamps of a node.
+    pub(super) fn around(&self, node: u32) -> &Bulb {
+        &self.nodes[node as usize].around
+    }
+
     /// One lamp of a node, drawn by a number between 0 and 1.
-    fn represent(&self, node: u32, mut u: f64) -> Chosen {
+    pub(super) fn represent(&self, node: u32, mut u: f64) -> Chosen {
         let (all, mut at) = (self.nodes[node as usize].around.power, node);
         loop {
             let here = &self.nodes[at as usize];
@@ -121,7 +135,7 @@ impl LampTree {
 
 impl Bulb {
     /// About the most that it can give to a point of a sphere.
-    fn most(&self, x: DVec3, radius: f64, n: DVec3) -> f64 {
+    pub(super) fn most(&self, x: DVec3, radius: f64, n: DVec3) -> f64 {
         let (to, reach) = (self.center - x, self.radius + radius);
         let square = to.length_squared();
         let cosine = (n.dot(to) + reach) / square.sqrt().max(reach).max(f64::MIN_POSITIVE);
@@ -141,30 +155,25 @@ mod tests {
 
     #[test]
     fn few_lamps_are_all_asked() {
-        let chosen = row(CUT).cut(DVec3::ZERO, 0.0, DVec3::Z, || 0.5);
-        let mut lamps: Vec<u32> = chosen.iter().map(|chosen| chosen.lamp).collect();
-        lamps.sort_unstable();
-        assert!(lamps.into_iter().eq(0..CUT as u32) && chosen.iter().all(|chosen| chosen.times == 1.0));
-        assert!(row(5).cut(DVec3::ZERO, 0.0, -DVec3::Z, || 0.5).is_empty(), "they are behind");
-        assert!(row(0).cut(DVec3::ZERO, 0.0, DVec3::Z, || 0.5).is_empty());
+        let tree = row(CUT);
+        let mut lamps: Vec<Chosen> =
+            tree.cut(DVec3::ZERO, 0.0, DVec3::Z).into_iter().map(|node| tree.represent(node, 0.5)).collect();
+        lamps.sort_unstable_by_key(|chosen| chosen.lamp);
+        assert!(lamps.into_iter().eq((0..CUT as u32).map(|lamp| Chosen { lamp, times: 1.0 })));
+        assert!(row(5).cut(DVec3::ZERO, 0.0, -DVec3::Z).is_empty(), "they are behind");
+        assert!(row(0).cut(DVec3::ZERO, 0.0, DVec3::Z).is_empty());
     }
 
     #[test]
     fn near_lamps_are_themselves_and_far_ones_are_right_in_the_mean() {
         let (tree, lamps, trials) = (row(1000), 1000, 4000_u64);
         let mut times = vec![0.0; lamps];
+        let nodes = tree.cut(DVec3::new(3.0, 0.0, 0.0), 0.1, DVec3::Z);
+        assert!(nodes.len() <= CUT && (0..8).all(|near| nodes.iter().any(|&node| tree.lamp(node) == Some(near))));
         for trial in 0..trials {
-            let mut count = 0;
-            let draw = || {
-                count += 1;
-                (hash(trial, count) >> 11) as f64 * 2_f64.powi(-53)
-            };
-            let chosen = tree.cut(DVec3::new(3.0, 0.0, 0.0), 0.1, DVec3::Z, draw);
-            assert!(chosen.len() <= CUT);
-            for near in 0..8 {
-                assert!(chosen.contains(&Chosen { lamp: near, times: 1.0 }), "{near}");
-            }
-            for Chosen { lamp, times: more } in chosen {
+            for &node in &nodes {
+                let u = (hash(trial, u64::from(node)) >> 11) as f64 * 2_f64.powi(-53);
+                let Chosen { lamp, times: more } = tree.represent(node, u);
                 times[lamp as usize] += more / trials as f64;
             }
         }

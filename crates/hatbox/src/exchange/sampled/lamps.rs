@@ -8,8 +8,11 @@
 //! joins them averages half-shadows over a finer net.
 //!
 //! A point has a budget of shadow rays, shared among the lamps by how much they can give at most; a lamp whose share is
-//! less than one ray gets one with that probability, and counts accordingly more. Of many lamps only some are asked
-//! ([`LampTree`]), so that a building with a lamp in every room costs what one room costs.
+//! less than one ray gets one with that probability, and counts accordingly more. Who does is not decided for each lamp on
+//! its own: the shares are laid end to end, and a comb is laid over them, so that of lamps that are near each other the right
+//! number is asked; combs of neighbouring points are shifted evenly. (A hundred equal lamps under a ceiling, asked at random,
+//! made an error of 2 % where 1 % was wanted, and 1.5 % where 0.3 % was.) Of many lamps only some are asked ([`LampTree`]),
+//! so that a building with a lamp in every room costs what one room costs.
 //!
 //! A sky is no lamp: rays find it, and a shadow ray or two to each of its faces are a worse sample of it than they are. The
 //! ceiling of a room that glows as a whole is one: of a closed room each wall is about a sixth.
@@ -104,18 +107,6 @@ impl Lamps {
         Self { all, tree, of_cell, seed: params.seed ^ 0x006c_616d_7073 }
     }
 
-    /// The lamps to ask on a sphere with a normal.
-    fn asked(&self, x: DVec3, radius: f64, n: DVec3, dice: u64) -> Vec<Chosen> {
-        if self.all.len() <= CUT {
-            return (0..self.all.len() as u32).map(|lamp| Chosen { lamp, times: 1.0 }).collect();
-        }
-        let mut drawn = 0;
-        self.tree.cut(x, radius, n, || {
-            drawn += 1;
-            (hash(dice, drawn) >> 11) as f64 * 2_f64.powi(-53)
-        })
-    }
-
     /// The lamp that a cell belongs to.
     pub(super) fn of(&self, cell: usize) -> Option<usize> {
         self.of_cell.get(&(cell as u32)).map(|&lamp| lamp as usize)
@@ -149,11 +140,10 @@ impl Lamps {
         let start = tracer.block_of(cell).wrapping_mul(MOST_POINTS);
         let (mut rays, n_patch) = (0, patch.normal());
         let radius = patch.corners().iter().map(|corner| corner.distance(patch.center())).fold(0.0, f64::max);
-        let asked = self.asked(patch.center(), radius, n_patch, hash(self.seed, cell as u64));
+        let asked = self.tree.cut(patch.center(), radius, n_patch);
         let mut found: Vec<Entry> = Vec::new();
         for (q, (&at, weights)) in receivers.rule.points.iter().zip(&receivers.weights).enumerate() {
-            let dice = hash(hash(self.seed, cell as u64), q as u64);
-            let draw = Draw { dice, net: self.seed, part: start.wrapping_add(q as u32) };
+            let draw = Draw { net: self.seed, part: start.wrapping_add(q as u32) };
             let x = (patch.point(at), n_patch, cells.surface(cell));
             rays += self.at_point(x, &asked, budget, draw, &tracer.blockers, |lamp, value| {
                 let index = found.iter().position(|entry| entry.lamp == lamp).unwrap_or_else(|| {
@@ -172,39 +162,46 @@ impl Lamps {
     fn at_point(
         &self,
         (x, n, surface): (DVec3, DVec3, u32),
-        asked: &[Chosen],
+        asked: &[u32],
         budget: u32,
         draw: Draw,
         blockers: &Bvh,
         mut give: impl FnMut(u32, f64),
     ) -> u64 {
-        let most = |chosen: &Chosen| chosen.times * self.all[chosen.lamp as usize].most(x, n);
+        let most = |&node: &u32| match self.tree.lamp(node) {
+            Some(lamp) if self.all[lamp as usize].panel.surface == surface => 0.0,
+            Some(lamp) => self.all[lamp as usize].most(x, n),
+            None => self.tree.around(node).most(x, 0.0, n),
+        };
         let total: f64 = asked.iter().map(most).sum();
-        let mut rays = 0;
-        for chosen in asked {
-            let (k, most) = (chosen.lamp, most(chosen));
-            let lamp = &self.all[k as usize];
-            if most <= 0.0 || lamp.panel.surface == surface {
+        let (mut rays, mut place) = (0, draw.shift(0, SHIFTS[0]));
+        for node in asked {
+            let most = most(node);
+            if most <= 0.0 {
                 continue;
             }
             let share = f64::from(budget) * most / total;
-            let draw = Draw { dice: hash(draw.dice, u64::from(k)), net: hash(draw.net, u64::from(k)), ..draw };
-            let chance = share.clamp(ROULETTE, 1.0);
-            if (draw.dice >> 11) as f64 >= chance * 2_f64.powi(53) {
+            let (chance, before) = (share.clamp(ROULETTE, 1.0), place);
+            place += chance;
+            if place.floor() == before.floor() {
+                continue;
+            }
+            let Chosen { lamp: k, times } = self.tree.represent(*node, draw.shift(u64::from(*node) + 1, SHIFTS[1]));
+            let lamp = &self.all[k as usize];
+            if lamp.panel.surface == surface {
                 continue;
             }
             let Some(whole) = point_row(&lamp.panel, x, n) else { continue };
             let rays_here = (share.ceil().max(1.0) as u32).next_power_of_two();
-            let first = draw.part.wrapping_mul(MORE * rays_here);
-            let mut sight =
-                Sight { from: (x, n, surface), lamp, net: draw.net, first, blockers, cast: 0, seen: 0.0, all: 0.0 };
+            let (net, first) = (hash(draw.net, u64::from(k)), draw.part.wrapping_mul(MORE * rays_here));
+            let mut sight = Sight { from: (x, n, surface), lamp, net, first, blockers, cast: 0, seen: 0.0, all: 0.0 };
             sight.cast_to(rays_here);
             if sight.seen > 0.0 && sight.seen < sight.all {
                 sight.cast_to(MORE * sight.cast);
             }
             rays += u64::from(sight.cast);
             if sight.seen > 0.0 {
-                give(k, chosen.times * whole[0] * sight.seen / sight.all / chance);
+                give(k, times * whole[0] * sight.seen / sight.all / chance);
             }
         }
         rays
@@ -221,8 +218,8 @@ impl Lamps {
         sum: &mut [f64],
     ) -> f64 {
         let (bands, mut factor) = (sum.len(), 0.0);
-        let asked = self.asked(x.0, 0.0, x.1, hash(set, 2));
-        self.at_point(x, &asked, budget, Draw { dice: set, net: set, part: 0 }, blockers, |lamp, value| {
+        let asked = self.tree.cut(x.0, 0.0, x.1);
+        self.at_point(x, &asked, budget, Draw { net: set, part: 0 }, blockers, |lamp, value| {
             factor += value;
             let means = &means[lamp as usize * bands..];
             sum.iter_mut().zip(means).for_each(|(sum, mean)| *sum += value * mean);
@@ -306,13 +303,23 @@ impl Lamp {
 /// What is left to chance at a point.
 #[derive(Debug, Clone, Copy)]
 struct Draw {
-    /// Decides whether rays are cast at all.
-    dice: u64,
     /// The net of places on a lamp, and the part of it that is the point's own. Numbers of places wrap; that cells far from
     /// each other then have the same does no harm.
     net: u64,
     part: u32,
 }
+
+impl Draw {
+    /// A number between 0 and 1 that is spread evenly over parts that follow each other.
+    fn shift(self, what: u64, step: f64) -> f64 {
+        let start = (hash(self.net, what) >> 11) as f64 * 2_f64.powi(-53);
+        (start + f64::from(self.part) * step).fract()
+    }
+}
+
+/// Steps of a sequence that fills the unit square evenly (M. Roberts, "The unreasonable effectiveness of quasirandom
+/// sequences", 2018): powers of the inverse of the root of x³ = x + 1.
+const SHIFTS: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2];
 
 /// A point looking at a lamp.
 struct Sight<'a> {
