@@ -22,7 +22,7 @@ Tool = tuple[str, str, Matrix, float]
 def measure(quick: bool, absent: dict[str, str]) -> Iterator[Row]:
     """Every tool on every job; tools that are not here go into `absent`."""
     for tool, setting, matrix, most in _present(quick, absent):
-        for per_side in (7,) if quick else (7, 13):
+        for per_side in (7,) if quick else (7, 13, 29):
             if len((job := cube(per_side)).faces) <= most:
                 yield _enclosure(tool, setting, matrix, job)
         for per_side in (4,) if quick else (4, 9):
