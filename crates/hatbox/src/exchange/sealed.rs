@@ -111,7 +111,8 @@ mod tests {
     #[test]
     fn rooms_are_sealed_and_what_is_open_inside_out_or_nested_is_not() {
         let gray = || Material::diffuse("gray", 0.5);
-        let (room, table, hall) = (([0.0, 1.0], true, &[][..]), ([0.3, 0.6], false, &[][..]), ([-1.0, 2.0], true, &[][..]));
+        let (room, table, hall) =
+            (([0.0, 1.0], true, &[][..]), ([0.3, 0.6], false, &[][..]), ([-1.0, 2.0], true, &[][..]));
         assert!(sealed(&[room], gray()), "a room");
         assert!(sealed(&[room, table], gray()), "with something floating in it");
         assert!(sealed(&[room, ([3.0, 4.0], true, &[])], gray()), "two rooms apart");

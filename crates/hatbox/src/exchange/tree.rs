@@ -87,7 +87,6 @@ impl Tree {
         runs.sort_unstable_by_key(|&run| self.clusters[run].range.start);
         runs
     }
-
 }
 
 /// A cluster before its hull is known.

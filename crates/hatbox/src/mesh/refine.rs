@@ -160,7 +160,8 @@ impl<'a> Plan<'a> {
 
     fn carry_out(&self, max_edge: f64) -> (Mesh, Vec<u32>) {
         let builder = Builder::like(self.mesh);
-        let mut build = Build { mesh: self.mesh, cell: 0, builder, midpoints: FxHashMap::default(), parents: Vec::new() };
+        let mut build =
+            Build { mesh: self.mesh, cell: 0, builder, midpoints: FxHashMap::default(), parents: Vec::new() };
         let _ = self.split(max_edge, &mut build);
         (build.builder.finish(), build.parents)
     }

@@ -96,6 +96,13 @@ fn long_rectangles_that_touch_meet_the_tolerance() {
     assert_box_closes([2.0, 5.0, 1.300_781_25], 1e-5);
 }
 
+/// Two rules agreed about long edges close to each other and were both wrong.
+#[test]
+fn flat_boxes_err_by_no_more_than_they_say() {
+    assert_box_closes([4.144_016_317_844_197, 3.273_892_140_343_914, 0.215_526_360_613_906], 1e-2);
+    assert_box_closes([2.425_008_590_649_693, 0.2, 3.635_994_678_509_621_5], 1e-2);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]

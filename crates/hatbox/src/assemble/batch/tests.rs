@@ -37,10 +37,10 @@ fn the_a_priori_errors_bound_those_of_midpoints() {
             let (head, front) = (&Head::of(&a), &Batch::new(&[&b]).fronts[0]);
             let place = Place::new(head, front);
             let scale = a.area() * b.area() / (PI * d2);
-            for (worst, (value, (bound, exponent))) in worst
-                .iter_mut()
-                .zip([(midpoint(head, front, &place)[0], MIDPOINT), (corrected(head, front, &place)[0], corrected_error)])
-            {
+            for (worst, (value, (bound, exponent))) in worst.iter_mut().zip([
+                (midpoint(head, front, &place)[0], MIDPOINT),
+                (corrected(head, front, &place)[0], corrected_error),
+            ]) {
                 let allowed = bound * half_eta.powi(exponent as i32) * scale;
                 *worst = worst.max((value - exact).abs() / (allowed + 1e-8 * scale));
             }

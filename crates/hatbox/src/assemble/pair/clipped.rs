@@ -181,7 +181,8 @@ impl<'a> Shadow<'a> {
     fn creases(&self) -> &[Crease] {
         self.creases.get_or_init(|| {
             let Panel { center, radius, .. } = *self.receiver;
-            Ground { center, radius, normal: self.receiver.normal() }.creases(self.from.corners(), self.blockers.iter().map(|blocker| &blocker.outline[..]))
+            Ground { center, radius, normal: self.receiver.normal() }
+                .creases(self.from.corners(), self.blockers.iter().map(|blocker| &blocker.outline[..]))
         })
     }
 

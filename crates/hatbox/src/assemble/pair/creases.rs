@@ -23,11 +23,7 @@ pub(super) struct Ground {
 
 impl Ground {
     /// The creases within the circle.
-    pub(super) fn creases<'a>(
-        &self,
-        source: &'a [DVec3],
-        blockers: impl Iterator<Item = &'a [DVec3]>,
-    ) -> Vec<Crease> {
+    pub(super) fn creases<'a>(&self, source: &'a [DVec3], blockers: impl Iterator<Item = &'a [DVec3]>) -> Vec<Crease> {
         let outlines: Vec<&[DVec3]> = std::iter::once(source).chain(blockers).collect();
         let mut creases = Vec::new();
         for (k, first) in outlines.iter().enumerate() {

@@ -108,6 +108,17 @@ impl Dense {
     /// If `out` does not have a place for each cell.
     pub fn fill_exchange_row(&self, cell: usize, out: &mut [f64]) {
         assert_eq!(out.len(), self.place.len(), "a place for each cell");
+        if self.unknowns.len() == self.place.len() {
+            // One unknown a cell: a column of the triangle down to the diagonal, and a row from there on.
+            let place = self.place[cell] as usize;
+            for (before, &other) in self.unknowns[..place].iter().enumerate() {
+                out[other as usize] = self.table.row(before)[place - before];
+            }
+            for (s, &other) in self.table.row(place).iter().zip(&self.unknowns[place..]) {
+                out[other as usize] = *s;
+            }
+            return;
+        }
         for (other, out) in out.iter_mut().enumerate() {
             *out = self.exchange_area(cell, other);
         }
