@@ -87,7 +87,7 @@ mod tests {
             let first = mesh.vertices.len() as u32;
             mesh.vertices.extend(face.map(at));
             let vertices = [0, 1, 2, 3].map(|k| first + k);
-            let group = (k == 0) as u32;
+            let group = u32::from(k == 0);
             mesh.cells.push(Face { shape: Shape::Quad, vertices, material: 0, group, surface: 0 });
         }
     }

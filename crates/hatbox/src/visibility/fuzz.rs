@@ -119,7 +119,7 @@ fn ten_million_rays() {
 /// one of them. Rays from afar ended on the way to the box around that center.
 #[test]
 fn a_scene_of_two_roundings_is_not_lost_behind_its_center() {
-    let (corner, step) = (DVec3::splat(1e9), f64::EPSILON * (1 << 29) as f64);
+    let (corner, step) = (DVec3::splat(1e9), f64::EPSILON * f64::from(1 << 29));
     let triangles = [[corner, corner + DVec3::X * step, corner + DVec3::Y * step]];
     assert!(triangles[0][1].x > corner.x && triangles[0][2].y > corner.y);
     let (trees, mut blocked) = (trees(&triangles), 0);

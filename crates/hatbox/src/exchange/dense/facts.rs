@@ -88,15 +88,15 @@ fn scan(place: usize, row: &[f64], areas: &Areas, facts: &mut Facts) {
     let (counts, counts_rest) = facts.counts[place + 1..].as_chunks_mut();
     let (errors, errors_rest) = facts.errors[place + 1..].as_chunks_mut();
     for k in 0..s.len() {
-        let columns = Columns { sums: &mut sums[k], counts: &mut counts[k], errors: &mut errors[k] };
-        add(&s[k], own, [&area[k], &inverse[k]], columns, &mut totals);
+        let mut columns = Columns { sums: &mut sums[k], counts: &mut counts[k], errors: &mut errors[k] };
+        add(&s[k], own, [&area[k], &inverse[k]], &mut columns, &mut totals);
     }
     if !rest.is_empty() {
         // Filled up with zeros, which count for nothing.
         let filled = |values: &[f64]| std::array::from_fn(|k| values.get(k).copied().unwrap_or(0.0));
         let [mut sums, mut counts, mut errors] = [&*sums_rest, counts_rest, errors_rest].map(filled);
-        let columns = Columns { sums: &mut sums, counts: &mut counts, errors: &mut errors };
-        add(&filled(rest), own, [&filled(area_rest), &filled(inverse_rest)], columns, &mut totals);
+        let mut columns = Columns { sums: &mut sums, counts: &mut counts, errors: &mut errors };
+        add(&filled(rest), own, [&filled(area_rest), &filled(inverse_rest)], &mut columns, &mut totals);
         for (to, from) in [(sums_rest, sums), (counts_rest, counts), (errors_rest, errors)] {
             to.copy_from_slice(&from[..to.len()]);
         }
@@ -118,7 +118,7 @@ struct Columns<'a> {
 /// Adds as many numbers of a row to the facts of their columns and to what the row adds up to. The error is how far two
 /// cells are from reciprocal; the cells are given by area and inverse area.
 #[inline(always)]
-fn add(s: &[f64; LANES], own: [f64; 2], other: [&[f64; LANES]; 2], columns: Columns<'_>, totals: &mut Totals) {
+fn add(s: &[f64; LANES], own: [f64; 2], other: [&[f64; LANES]; 2], columns: &mut Columns<'_>, totals: &mut Totals) {
     let (mut seen, mut error) = ([0.0; LANES], [0.0; LANES]);
     for k in 0..LANES {
         let (there, back) = (own[0] * (s[k] * own[1]), other[0][k] * (s[k] * other[1][k]));

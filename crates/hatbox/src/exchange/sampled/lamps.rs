@@ -183,7 +183,8 @@ impl Lamps {
             let share = f64::from(budget) * most / total;
             let (chance, before) = (share.clamp(ROULETTE, 1.0), place);
             place += chance;
-            if place.floor() == before.floor() {
+            // Without a tooth of the comb between.
+            if place.floor() - before.floor() < 1.0 {
                 continue;
             }
             let Chosen { lamp: k, times } = self.tree.represent(*node, draw.shift(u64::from(*node) + 1, SHIFTS[1]));
