@@ -67,9 +67,7 @@ struct Rows {
 
 impl Rows {
     fn of(factors: &ViewFactors) -> Self {
-        let count = factors.check().nonzeros;
-        let (columns, values) = (Vec::with_capacity(count), Vec::with_capacity(count));
-        let mut rows = Self { starts: vec![0], columns, values };
+        let mut rows = Self { starts: vec![0], columns: Vec::new(), values: Vec::new() };
         for row in 0..factors.len() {
             for (column, value) in factors.nonzeros(row) {
                 rows.columns.push(column as i64);

@@ -1,6 +1,6 @@
 //! View factors of closed rooms, time against tolerance and size: `cargo bench -p hatbox --bench factors`.
 //!
-//! `seconds` is everything from the scene to the checked factors, with the rays that measure what escapes, but without
+//! `seconds` is everything from the scene to the checked factors, whether it is closed included, but without
 //! reading and writing: the best of three. `error` is that of the worst row's sum, 1 in a closed room, `estimate` what is
 //! reported for it, and `clear` the part of the pairs that were proven to see each other fully. Rooms are given as a file
 //! would: every element a face.

@@ -24,136 +24,22 @@
     reason = "several arrays run in step, and iterators are not inlined into kernels"
 )]
 
+mod sides;
+
 use super::Accuracy;
 use super::pair::{FLAT, a_priori_error_factors};
 use super::panel::{LADDER, Panel};
-use crate::element::{Element, MAX_DOFS, Shape};
+use crate::element::MAX_DOFS;
 use glam::DVec3;
+pub use sides::LANES;
+use sides::{Chunk, Front, Head, Lanes, Node};
 use std::f64::consts::{FRAC_1_PI, PI};
-
-/// Panels in a chunk.
-pub const LANES: usize = 8;
 
 /// Chunks that a row looks at before the next row's turn.
 const TOGETHER: usize = 8;
 
 /// The most nodes that a rule of the ladder has, on a triangle or a quad.
 const MAX_NODES: usize = 25;
-
-/// One number for each lane.
-type Lanes = [f64; LANES];
-
-/// One vector for each lane.
-#[derive(Debug, Clone, Copy)]
-struct Vectors {
-    x: Lanes,
-    y: Lanes,
-    z: Lanes,
-}
-
-impl Vectors {
-    const ZERO: Self = Self { x: [0.0; LANES], y: [0.0; LANES], z: [0.0; LANES] };
-
-    fn set(&mut self, lane: usize, v: DVec3) {
-        (self.x[lane], self.y[lane], self.z[lane]) = (v.x, v.y, v.z);
-    }
-
-    #[inline(always)]
-    fn at(&self, lane: usize) -> DVec3 {
-        DVec3::new(self.x[lane], self.y[lane], self.z[lane])
-    }
-}
-
-/// A quadrature node of each lane.
-#[derive(Debug, Clone, Copy)]
-struct Node {
-    at: Vectors,
-    /// Weight in m², divided by π.
-    weight: Lanes,
-}
-
-/// What every pair asks of a panel.
-#[derive(Debug, Clone, Copy)]
-struct Head {
-    normal: DVec3,
-    center: DVec3,
-    /// See [`Panel`].
-    spread: [DVec3; 2],
-    radius: f64,
-    area: f64,
-    /// It is a parallelogram.
-    symmetric: bool,
-    /// Its element has one function.
-    constant: bool,
-}
-
-impl Head {
-    fn of(panel: &Panel) -> Self {
-        Self {
-            normal: panel.normal(),
-            center: panel.center,
-            spread: panel.spread,
-            radius: panel.radius,
-            area: panel.area(),
-            symmetric: panel.patch.shape() == Shape::Quad && panel.patch.is_affine(),
-            constant: panel.element.dofs() == 1,
-        }
-    }
-}
-
-/// The heads of a chunk, by lanes.
-#[derive(Debug, Clone, Copy)]
-#[repr(align(64))]
-struct Front {
-    normal: Vectors,
-    center: Vectors,
-    spread: [Vectors; 2],
-    radius: Lanes,
-    area: Lanes,
-    /// All are parallelograms.
-    symmetric: bool,
-    constant: bool,
-}
-
-impl Front {
-    const EMPTY: Self = Self {
-        normal: Vectors::ZERO,
-        center: Vectors::ZERO,
-        spread: [Vectors::ZERO; 2],
-        radius: [0.0; LANES],
-        area: [0.0; LANES],
-        symmetric: true,
-        constant: true,
-    };
-
-    fn set(&mut self, lane: usize, head: &Head) {
-        self.normal.set(lane, head.normal);
-        self.center.set(lane, head.center);
-        for (vectors, &spread) in self.spread.iter_mut().zip(&head.spread) {
-            vectors.set(lane, spread);
-        }
-        (self.radius[lane], self.area[lane]) = (head.radius, head.area);
-        self.symmetric &= head.symmetric;
-        self.constant &= head.constant;
-    }
-}
-
-/// Up to [`LANES`] panels of one element that follow each other.
-#[derive(Debug, Clone)]
-struct Chunk {
-    element: &'static Element,
-    /// The first panel and their number.
-    first: usize,
-    len: usize,
-    /// The greatest degree that their shape functions use up.
-    degree: usize,
-    /// The degree up to which each rung is exact on all of them.
-    exactness: [usize; LADDER.len()],
-    corners: Vec<Vectors>,
-    longest_edge: Lanes,
-    nodes: [Vec<Node>; LADDER.len()],
-    tables: [&'static [[f64; MAX_DOFS]]; LADDER.len()],
-}
 
 /// What a chunk says about a panel, by lanes.
 #[derive(Debug, Clone)]
@@ -262,45 +148,6 @@ impl<'a> Batch<'a> {
             }
             let next = chunk.first + chunk.len - start;
             left = if next < 64 { left >> next << next } else { 0 };
-        }
-    }
-}
-
-impl Chunk {
-    fn new(panel: &Panel, first: usize) -> Self {
-        Self {
-            element: panel.element,
-            first,
-            len: 0,
-            degree: 0,
-            exactness: panel.exactness,
-            corners: vec![Vectors::ZERO; panel.patch.corners().len()],
-            longest_edge: [0.0; LANES],
-            nodes: [0, 1, 2, 3].map(|rung| {
-                let zero = Node { at: Vectors::ZERO, weight: [0.0; LANES] };
-                vec![zero; panel.tabulated(rung).len()]
-            }),
-            tables: [0, 1, 2, 3].map(|rung| panel.tabulated(rung)),
-        }
-    }
-
-    fn push(&mut self, panel: &Panel) {
-        let lane = self.len;
-        self.len += 1;
-        self.degree = self.degree.max(panel.functions_degree());
-        // A parallelogram may share a chunk with trapezia, on which rules are exact to a degree less.
-        for (least, &exact) in self.exactness.iter_mut().zip(&panel.exactness) {
-            *least = (*least).min(exact);
-        }
-        for (corners, &corner) in self.corners.iter_mut().zip(panel.patch.corners()) {
-            corners.set(lane, corner);
-        }
-        self.longest_edge[lane] = panel.longest_edge;
-        for (nodes, points) in self.nodes.iter_mut().zip(&panel.ladder) {
-            for (k, node) in nodes.iter_mut().enumerate() {
-                node.at.set(lane, points.at(k));
-                node.weight[lane] = FRAC_1_PI * points.weight[k];
-            }
         }
     }
 }

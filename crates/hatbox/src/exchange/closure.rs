@@ -262,7 +262,7 @@ pub fn escape(geometry: &Geometry<'_>, seed: u64, progress: &dyn Progress) -> Re
 }
 
 /// For each cell the fraction of cosine rays that hit nothing, or a side of a face that receives nothing. At least
-/// `rays` are cast from each, unless it is proven that none gets out.
+/// `rays` are cast from each; if that is none, and the topology of the scene says that it is closed, there are none.
 ///
 /// # Errors
 /// [`Interrupted`].
@@ -272,7 +272,7 @@ pub fn escapes(
     seed: u64,
     progress: &dyn Progress,
 ) -> Result<Vec<f64>, Interrupted> {
-    if is_sealed(geometry) {
+    if rays == 0 && is_sealed(geometry) {
         return Ok(vec![0.0; geometry.scene.mesh.cells.len()]);
     }
     measured(geometry, rays, seed, progress)

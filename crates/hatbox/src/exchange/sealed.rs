@@ -1,12 +1,14 @@
-//! Whether nothing can leave a scene, proven by its topology: where that succeeds, no rays need look for a way out.
+//! Whether a scene is closed by its topology: then no rays need look for a way out.
 //!
 //! If two cells meet at each edge and run through it in opposite directions, the mesh is a closed surface, and every point
 //! of space that is not on it has a winding number w, which is 0 far away and greater by one in front of a face than
 //! behind it. In front of all faces that hang together it is the same. Where it is 1 in front of all of them, no ray from
 //! a front can get away, which would take it to w = 0 without a crossing, and none can meet a back, behind which w = 0.
 //!
-//! One ray per part that hangs together counts w: the fronts that it crosses, less the backs. Whether a ray through an edge
-//! counts once is not known, so three rays must agree.
+//! A ray from a part that hangs together counts w: the fronts that it crosses, less the backs. Through an edge it may count
+//! twice, so three rays must agree. Two things are taken for granted, as the scene makes them to its tolerance: that cells meet
+//! where their vertices are one, and that parts do not cross each other, since crossing faces are cut and then have edges of four.
+//! Sheets of two sides are left to rays: their sides hang together and have different numbers in front of them.
 
 use super::Geometry;
 use super::closure::{cosine_ray, receiving_sides};
@@ -17,11 +19,11 @@ use std::cell::Cell;
 /// Rays that have to agree.
 const RAYS: u32 = 3;
 
-/// Whether it is proven that light from every cell only meets fronts of cells.
+/// Whether the topology says that light from every cell only meets fronts of cells.
 pub(super) fn is_sealed(geometry: &Geometry<'_>) -> bool {
     let mesh = &geometry.scene.mesh;
-    // What only blocks light has no cells.
-    if !receiving_sides(geometry.scene).iter().all(|&[front, _]| front) {
+    // What only blocks light has no cells; sheets have two.
+    if receiving_sides(geometry.scene).iter().any(|&sides| sides != [true, false]) {
         return false;
     }
     parts(mesh).is_some_and(|cells| cells.into_iter().all(|cell| winding(geometry, cell) == Some(1)))
@@ -92,7 +94,7 @@ mod tests {
         }
     }
 
-    /// Whether a scene is proven to be sealed; if it is, and if it is not because it is open, rays have to agree.
+    /// Whether a scene is sealed; if it is, rays have to agree.
     fn sealed(boxes: &[([f64; 2], bool, &[usize])], material: Material) -> bool {
         let mut mesh = Mesh { groups: vec!["a".into(), "b".into()], ..Mesh::default() };
         for &(corners, inside, left_out) in boxes {
@@ -121,6 +123,15 @@ mod tests {
         assert!(!sealed(&[room, ([0.3, 0.6], false, &[2])], gray()), "the table is a bowl: its inside is a back");
         assert!(!sealed(&[hall, room], gray()), "a room in a hall: from the hall its backs are seen");
         assert!(!sealed(&[room, ([1.3, 1.6], false, &[])], gray()), "the table stands outside");
+    }
+
+    /// Each plate is a closed surface of a front and a back, and from either front nearly all is the other's front.
+    #[test]
+    fn two_plates_close_together_are_not_sealed() {
+        let plates = ([0.0, 1.0], true, &[2, 3, 4, 5][..]);
+        assert!(!sealed(&[plates], Material { two_sided: true, ..Material::diffuse("sheet", 0.5) }));
+        let thin = ([0.0, 1.0], false, &[1, 2, 3, 4, 5][..]);
+        assert!(!sealed(&[thin, ([0.0, 1.0], true, &[1, 2, 3, 4, 5])], Material::diffuse("gray", 0.5)));
     }
 
     #[test]

@@ -64,8 +64,10 @@ impl Tree {
         let (mut order, mut parts, mut roots) = (Vec::with_capacity(panels.len()), Vec::new(), Vec::new());
         for (mut group, flat) in groups(panels) {
             let start = order.len();
+            let first = &panels[group[0] as usize];
+            let plane = flat.then(|| (first.patch.corners()[0], first.normal()));
             roots.push(parts.len());
-            parts.push(Part { range: start..start + group.len(), children: 0..0, flat });
+            parts.push(Part { range: start..start + group.len(), children: 0..0, plane });
             divide(panels, &mut group, parts.len() - 1, &mut parts);
             order.extend(group);
         }
@@ -93,8 +95,8 @@ impl Tree {
 struct Part {
     range: Range<usize>,
     children: Range<usize>,
-    /// Whether its panels lie in a plane.
-    flat: bool,
+    /// See [`Cluster::plane`].
+    plane: Option<(DVec3, DVec3)>,
 }
 
 /// Divides a part of the `members` until the leaves are small, and puts the members in the order of the leaves.
@@ -102,11 +104,11 @@ fn divide(panels: &[Panel], members: &mut [u32], at: usize, parts: &mut Vec<Part
     if members.len() <= LEAF {
         return;
     }
-    let (Range { start, end }, flat) = (parts[at].range.clone(), parts[at].flat);
+    let (Range { start, end }, plane) = (parts[at].range.clone(), parts[at].plane);
     let middle = halve(panels, members);
     let (first, (left, right)) = (parts.len(), members.split_at_mut(middle));
-    parts.push(Part { range: start..start + middle, children: 0..0, flat });
-    parts.push(Part { range: start + middle..end, children: 0..0, flat });
+    parts.push(Part { range: start..start + middle, children: 0..0, plane });
+    parts.push(Part { range: start + middle..end, children: 0..0, plane });
     parts[at].children = first..first + 2;
     divide(panels, left, first, parts);
     divide(panels, right, first + 1, parts);
@@ -167,10 +169,8 @@ fn halve(panels: &[Panel], members: &mut [u32]) -> usize {
 }
 
 fn cluster(panels: &[Panel], order: &[u32], part: Part) -> Cluster {
-    let Part { range, children, flat } = part;
+    let Part { range, children, plane } = part;
     let members = &order[range.clone()];
-    let first = &panels[members[0] as usize];
-    let plane = flat.then(|| (first.patch.corners()[0], first.normal()));
     let corners = || members.iter().flat_map(|&k| panels[k as usize].patch.corners().iter().copied());
     let hull = match plane {
         Some((origin, normal)) => polygon_around(origin, normal, corners()),

@@ -31,20 +31,18 @@ impl Mesh {
         let mut mesh = self.clone();
         let mut total = 0;
         for _ in 0..ROUNDS {
-            let (next, split) = mesh.conformed_once(tolerance);
-            if split == 0 {
-                break;
-            }
+            let Some((next, split)) = mesh.conformed_once(tolerance) else { break };
             (mesh, total) = (next, total + split);
         }
         (mesh, total)
     }
 
-    fn conformed_once(&self, tolerance: f64) -> (Self, usize) {
+    /// One round; `None` if there is nothing to split.
+    fn conformed_once(&self, tolerance: f64) -> Option<(Self, usize)> {
         let topology = Topology::new(self);
         let hanging = self.hanging_vertices(&topology, tolerance);
         if hanging.iter().all(Vec::is_empty) {
-            return (self.clone(), 0);
+            return None;
         }
         let mut builder = Builder::like(self);
         let mut taken = vec![false; topology.edges()];
@@ -64,7 +62,8 @@ impl Mesh {
                 taken[edge] |= !hanging[edge].is_empty();
             }
         }
-        (builder.finish(), taken.into_iter().filter(|&t| t).count())
+        let split = taken.into_iter().filter(|&t| t).count();
+        (split > 0).then(|| (builder.finish(), split))
     }
 
     /// For each edge, the vertices in its interior, in order from its first vertex.

@@ -8,7 +8,7 @@ use crate::scene::{Quantity, Scene};
 /// Surfaces that absorb less than this reflect everything.
 const ABSORBS: f64 = 1e-9;
 
-/// The first band in which the scene has no solution, by rays that look for a way out.
+/// The first band in which the scene has no solution, by what escapes ([`exchange::escape`]).
 pub(super) fn lossless_band(
     geometry: &Geometry<'_>,
     seed: u64,

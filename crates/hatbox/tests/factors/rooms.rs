@@ -112,6 +112,17 @@ proptest! {
 }
 
 #[test]
+fn a_row_is_its_pairs() {
+    let found = factors(&divided(&boxes(1), 3), 1e-2);
+    for i in 0..found.len() {
+        for (j, factor) in found.row(i).enumerate() {
+            assert_eq!(factor.to_bits(), found.get(i, j).to_bits(), "{i} {j}");
+        }
+        assert!(found.nonzeros(i).all(|(j, factor)| factor.to_bits() == found.get(i, j).to_bits() && factor != 0.0));
+    }
+}
+
+#[test]
 fn threads_do_not_change_a_bit() {
     let scene = divided(&boxes(1), 3);
     let on = |threads: usize| {

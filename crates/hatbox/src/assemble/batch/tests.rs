@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::assemble::{Facing, Sight, pair_block};
-use crate::element::ALL;
+use crate::element::{ALL, Shape};
 use crate::mesh::Patch;
 use crate::quadrature::sequence;
 

@@ -119,7 +119,7 @@ fn visible_row(
         return None;
     }
     let mut sum = [0.0; MAX_DOFS];
-    let counts = |piece: &&Polygon| !piece.is_empty() && (!hidden || width(piece) > CRACK * source.radius);
+    let counts = |piece: &&Polygon| !hidden || width(piece) > CRACK * source.radius;
     for piece in pieces.iter().filter(counts) {
         let values = Inner::new(source, piece).at(x, n);
         sum = std::array::from_fn(|k| sum[k] + values[k]);
@@ -290,6 +290,9 @@ fn remove_cone(pieces: &mut Vec<Polygon>, x: DVec3, blocker: &Blocker) -> bool {
             hidden = true;
             split(k, x, &sides, pieces);
         }
+    }
+    if hidden {
+        pieces.retain(|piece| !piece.is_empty());
     }
     hidden
 }

@@ -63,7 +63,7 @@ impl Dense {
 /// The greater of two numbers; no number if one of them is none.
 #[inline(always)]
 fn greater(a: f64, b: f64) -> f64 {
-    if b <= a { a } else { b }
+    if (a >= b) | a.is_nan() { a } else { b }
 }
 
 /// Numbers that are added up side by side, so that sums are the same on every processor and can be vectorized.

@@ -104,19 +104,6 @@ impl LampTree {
         chosen
     }
 
-    /// The lamp that a node is, if it is one.
-    pub(super) fn lamp(&self, node: u32) -> Option<u32> {
-        match self.nodes[node as usize].below {
-            Below::Lamp(lamp) => Some(lamp),
-            Below::Nodes(_) => None,
-        }
-    }
-
-    /// What lies around the lamps of a node.
-    pub(super) fn around(&self, node: u32) -> &Bulb {
-        &self.nodes[node as usize].around
-    }
-
     /// One lamp of a node, drawn by a number between 0 and 1.
     pub(super) fn represent(&self, node: u32, mut u: f64) -> Chosen {
         let (all, mut at) = (self.nodes[node as usize].around.power, node);
@@ -135,7 +122,7 @@ impl LampTree {
 
 impl Bulb {
     /// About the most that it can give to a point of a sphere.
-    pub(super) fn most(&self, x: DVec3, radius: f64, n: DVec3) -> f64 {
+    fn most(&self, x: DVec3, radius: f64, n: DVec3) -> f64 {
         let (to, reach) = (self.center - x, self.radius + radius);
         let square = to.length_squared();
         let cosine = (n.dot(to) + reach) / square.sqrt().max(reach).max(f64::MIN_POSITIVE);
@@ -169,7 +156,8 @@ mod tests {
         let (tree, lamps, trials) = (row(1000), 1000, 4000_u64);
         let mut times = vec![0.0; lamps];
         let nodes = tree.cut(DVec3::new(3.0, 0.0, 0.0), 0.1, DVec3::Z);
-        assert!(nodes.len() <= CUT && (0..8).all(|near| nodes.iter().any(|&node| tree.lamp(node) == Some(near))));
+        let is = |node: u32, lamp: u32| tree.represent(node, 0.5) == Chosen { lamp, times: 1.0 };
+        assert!(nodes.len() <= CUT && (0..8).all(|near| nodes.iter().any(|&node| is(node, near))));
         for trial in 0..trials {
             for &node in &nodes {
                 let u = (hash(trial, u64::from(node)) >> 11) as f64 * 2_f64.powi(-53);
