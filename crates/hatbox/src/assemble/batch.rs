@@ -13,7 +13,8 @@
 //! Kernels hold no iterators and no closures, which are compiled for the lesser processor and not inlined.
 //!
 //! What every pair asks of its panels, whatever rule it takes, lies apart from the rest and side by side ([`Head`],
-//! [`Front`]): a [`Panel`] and the nodes of a chunk take kilobytes, and waiting for them was half of the time.
+//! [`Front`]): a [`Panel`] and the nodes of a chunk take kilobytes, and waiting for those takes longer
+//! than most pairs.
 //!
 //! Four kernel values share one division, which is what the processor is slowest at: a/p + b/q is (aq + bp)/(pq).
 //! And the panels are flat, so that of G = cosθ_a r · cosθ_b r / (π r⁴) only r depends on both points.

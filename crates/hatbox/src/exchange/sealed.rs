@@ -128,8 +128,9 @@ mod tests {
     /// Each plate is a closed surface of a front and a back, and from either front nearly all is the other's front.
     #[test]
     fn two_plates_close_together_are_not_sealed() {
-        let plates = ([0.0, 1.0], true, &[2, 3, 4, 5][..]);
-        assert!(!sealed(&[plates], Material { two_sided: true, ..Material::diffuse("sheet", 0.5) }));
+        let below = ([0.0, 1.0], true, &[1, 2, 3, 4, 5][..]);
+        let above = ([0.001, 1.001], false, &[1, 2, 3, 4, 5][..]);
+        assert!(!sealed(&[below, above], Material { two_sided: true, ..Material::diffuse("sheet", 0.5) }));
         let thin = ([0.0, 1.0], false, &[1, 2, 3, 4, 5][..]);
         assert!(!sealed(&[thin, ([0.0, 1.0], true, &[1, 2, 3, 4, 5])], Material::diffuse("gray", 0.5)));
     }

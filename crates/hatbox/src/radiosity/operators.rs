@@ -105,8 +105,8 @@ pub(super) fn preconditioner(join: &Join, inverse: &BlockDiagonal) -> Box<dyn Li
 /// (CᵀΔC)⁻¹, by conjugate gradients where it is no block matrix.
 ///
 /// It is the preconditioner of the equation: with the inverse of the diagonal alone the solver has to invert the mass matrix,
-/// too, at the price of a product with S each time. To add what the equation gives on a thousand clusters of cells saved a
-/// fifth of the steps at most and was dropped: what is left after a step is as rough as the noise of the rays.
+/// too, at the price of a product with S each time. To add what the equation gives on a thousand clusters of cells was tried
+/// and dropped, since it saved few steps: what is left after a step is as rough as the noise of the rays.
 pub(super) struct InverseMass<'a> {
     pub(super) mass: Mass<'a>,
     pub(super) preconditioner: &'a dyn LinearOperator,

@@ -265,7 +265,8 @@ impl Blocker {
 
 /// Takes the part of the pieces away that a convex polygon hides from `x`; whether there was any.
 ///
-/// Pieces are kept where they are: each is a third of a kilobyte, and moving them about took as long as cutting them.
+/// Pieces are kept where they are: each is a third of a kilobyte, and cutting takes no longer than moving
+/// them about.
 fn remove_cone(pieces: &mut Vec<Polygon>, x: DVec3, blocker: &Blocker) -> bool {
     let rays: Polygon = blocker.outline.iter().map(|&corner| corner - x).collect();
     let height = blocker.normal.dot(rays[0]);

@@ -10,9 +10,8 @@
 //! A point has a budget of shadow rays, shared among the lamps by how much they can give at most; a lamp whose share is
 //! less than one ray gets one with that probability, and counts accordingly more. Who does is not decided for each lamp on
 //! its own: the shares are laid end to end, and a comb is laid over them, so that of lamps that are near each other the right
-//! number is asked; combs of neighbouring points are shifted evenly. (A hundred equal lamps under a ceiling, asked at random,
-//! made errors of twice what was wanted.) Of many lamps only some are asked ([`LampTree`]), so that a building with a lamp in
-//! every room costs what one room costs.
+//! number is asked; combs of neighbouring points are shifted evenly. Of many lamps only some are asked ([`LampTree`]), so
+//! that a building with a lamp in every room costs what one room costs.
 //!
 //! A sky is no lamp: rays find it, and a shadow ray or two to each of its faces are a worse sample of it than they are. The
 //! ceiling of a room that glows as a whole is one: of a closed room each wall is about a sixth.
