@@ -8,7 +8,7 @@
 
 use super::Exchange;
 use crate::linalg::{LinearOperator, MultiVector, dot};
-use crate::quadrature::sequence::hash;
+use crate::quadrature::sequence::{hash, unit};
 
 /// The greatest gain ‖Δ⁻¹S x‖/‖x‖, in the norm of Δ, over a Krylov space of that many steps: a lower bound of the norm.
 pub fn norm(
@@ -18,7 +18,7 @@ pub fn norm(
     steps: usize,
 ) -> f64 {
     // Smooth, so that it is close to the greatest; not quite, so that no eigenvector is left out.
-    let noise = |row: usize| (hash(0x006e_6f72, row as u64) >> 11) as f64 / (1_u64 << 53) as f64;
+    let noise = |row: usize| unit(hash(0x006e_6f72, row as u64));
     let start = MultiVector::from_fn(exchange.rows(), 1, |row, _| 1.0 + 0.2 * (noise(row) - 0.5));
     let product = |x: &MultiVector, y: &MultiVector| dot(x.band(0), y.band(0));
     let mut basis: Vec<(MultiVector, MultiVector)> = Vec::with_capacity(steps + 1);

@@ -23,6 +23,11 @@ pub fn hash(seed: u64, counter: u64) -> u64 {
     z ^ (z >> 31)
 }
 
+/// A number from 0 to 1, without 1, from the upper bits of a hash.
+pub fn unit(hash: u64) -> f64 {
+    (hash >> 11) as f64 * 2_f64.powi(-53)
+}
+
 /// A net of nets: block b of 2^m points is a net by itself, and so is any aligned run of 2^k blocks together. The first two
 /// dimensions, which fill every elementary interval, differ from block to block; the last two are those of block 0 in all
 /// of them.

@@ -133,7 +133,7 @@ impl Bulb {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::quadrature::sequence::hash;
+    use crate::quadrature::sequence::{hash, unit};
 
     fn row(count: usize) -> LampTree {
         let bulb = |k: usize| Bulb { center: DVec3::new(k as f64, 0.0, 1.0), radius: 0.1, power: 1.0 + (k % 3) as f64 };
@@ -160,7 +160,7 @@ mod tests {
         assert!(nodes.len() <= CUT && (0..8).all(|near| nodes.iter().any(|&node| is(node, near))));
         for trial in 0..trials {
             for &node in &nodes {
-                let u = (hash(trial, u64::from(node)) >> 11) as f64 * 2_f64.powi(-53);
+                let u = unit(hash(trial, u64::from(node)));
                 let Chosen { lamp, times: more } = tree.represent(node, u);
                 times[lamp as usize] += more / trials as f64;
             }

@@ -24,7 +24,7 @@ use crate::assemble::{Panel, point_row};
 use crate::element::{ALL, Element, MAX_DOFS};
 use crate::exchange::{Geometry, Params};
 use crate::kernel::geometric;
-use crate::quadrature::sequence::{hash, point};
+use crate::quadrature::sequence::{hash, point, unit};
 use crate::quadrature::{Rule, rule};
 use crate::visibility::{Bvh, Visibility};
 use arrayvec::ArrayVec;
@@ -311,8 +311,7 @@ struct Draw {
 impl Draw {
     /// A number between 0 and 1 that is spread evenly over parts that follow each other.
     fn shift(self, what: u64, step: f64) -> f64 {
-        let start = (hash(self.net, what) >> 11) as f64 * 2_f64.powi(-53);
-        (start + f64::from(self.part) * step).fract()
+        (unit(hash(self.net, what)) + f64::from(self.part) * step).fract()
     }
 }
 
@@ -368,7 +367,7 @@ impl Sight<'_> {
 mod tests {
     use super::*;
 
-    /// Each lamp is asked as often as it should be, to one time in a run of points, and each point asks as many as it should.
+    /// Each lamp is asked as often as it should be, to a few times in thousands of points, and each point asks as many as it should.
     #[test]
     fn combs_ask_evenly_in_lamps_and_in_points() {
         let shares: Vec<f64> = (0..300).map(|k| [0.02, 0.3, 0.1, 1.0, 0.6][k % 5]).collect();

@@ -38,7 +38,7 @@ use super::{Exchange, ExchangeError, Geometry, Hierarchical, Params, Statistics}
 use crate::element::Element;
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::progress::{Interrupted, Progress};
-use crate::quadrature::sequence::{hash, point};
+use crate::quadrature::sequence::{hash, point, unit};
 pub(super) use cells::Cells;
 use cells::Locator;
 use fit::{Matrix, Take, add_outer, factor, mean_mass, solve, variance};
@@ -245,7 +245,7 @@ impl Sampled {
     fn measured_error(&self) -> f64 {
         let mut x = MultiVector::zeros(self.rows(), 1);
         for cell in 0..self.cells.len() {
-            let strength = (hash(0x6661_6365, u64::from(self.cells.surface(cell))) >> 11) as f64 * 2_f64.powi(-52);
+            let strength = 2.0 * unit(hash(0x6661_6365, u64::from(self.cells.surface(cell))));
             x.band_mut(0)[self.cells.range(cell)].fill(strength);
         }
         let [mut first, second] = self.halves(&x);
