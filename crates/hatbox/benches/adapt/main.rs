@@ -33,6 +33,8 @@ const BASES: [&Basis; 2] = [&ALL[1], &ALL[3]];
 /// Elements of uniform meshes, and tolerances of adaptive ones.
 const UNIFORM: [usize; 4] = [200, 800, 3200, 6400];
 const LADDER: [f64; 6] = [0.10, 0.03, 0.01, 0.005, 0.002, 0.001];
+/// Tolerances of the part `focus`.
+const FOCUSED: [f64; 3] = [0.05, 0.03, 0.02];
 /// A dense operator of more coefficients is not tried.
 const MOST: usize = 20_000;
 
@@ -79,13 +81,19 @@ impl Row {
         Ok(Self { mesh: "uniform".to_owned(), solved, reached: true, cpu: cpu_seconds() - before })
     }
 
-    fn adaptive(scene: &Scene, basis: &'static Basis, tolerance: f64, focus: Option<Focus>) -> Result<Self> {
+    fn adaptive(
+        scene: &Scene,
+        basis: &'static Basis,
+        tolerance: f64,
+        focus: Option<Focus>,
+        most_coefficients: usize,
+    ) -> Result<Self> {
         let before = cpu_seconds();
         let defaults = adapt::Options::default();
-        let options =
-            adapt::Options { solve: Options { basis, ..defaults.solve }, tolerance, focus, most_coefficients: MOST };
+        let solve = Options { basis, ..defaults.solve };
+        let options = adapt::Options { solve, tolerance, focus, most_coefficients };
         let adapted = adapt::solve(scene, &options, &Silent)?;
-        let mesh = format!("to {} %", 100.0 * tolerance);
+        let mesh = format!("to {} %", (1e5 * tolerance).round() / 1e3);
         Ok(Self { mesh, solved: adapted.solved, reached: adapted.reached, cpu: cpu_seconds() - before })
     }
 
@@ -117,7 +125,7 @@ fn asked(case: &Case) -> Result<()> {
     title(case.name, &truth);
     for basis in BASES {
         for tolerance in ASKED {
-            let row = Row::adaptive(&scene, basis, tolerance, None)?;
+            let row = Row::adaptive(&scene, basis, tolerance, None, MOST)?;
             row.print(truth.error(&row.solved.solution));
         }
     }
@@ -153,7 +161,11 @@ fn ladder(case: &Case) -> Result<Vec<Panel>> {
         add(basis, false, &mut sizes.map(|elements| Row::uniform(&scene, basis, elements)))?;
         // On triangles bilinear functions are linear.
         if basis.quad.is_none() || basis.triangle.degree == 0 {
-            add(basis, true, &mut LADDER.into_iter().map(|tolerance| Row::adaptive(&scene, basis, tolerance, None)))?;
+            add(
+                basis,
+                true,
+                &mut LADDER.into_iter().map(|tolerance| Row::adaptive(&scene, basis, tolerance, None, MOST)),
+            )?;
         }
     }
     let [unknowns, seconds] = curves;
@@ -163,23 +175,24 @@ fn ladder(case: &Case) -> Result<Vec<Panel>> {
     ])
 }
 
-/// The dark room of two, with a focus on it, and with ever smaller tolerances of the whole.
+/// The dark room of two, with a focus on it, and with ever smaller tolerances of the whole until it is as accurate.
 fn focus() -> Result<()> {
     let case = CASES.iter().find(|case| case.name == "two rooms").ok_or("no two rooms")?;
     let scene = (case.scene)()?;
     let truth = (case.truth)(&scene)?.within(cases::is_in_the_dark_room);
     title("the dark room of two rooms", &truth);
-    for tolerance in [0.03, 0.01] {
-        let row = Row::adaptive(&scene, &ALL[1], tolerance, Some(cases::dark_room()))?;
+    for tolerance in FOCUSED {
+        let row = Row::adaptive(&scene, &ALL[1], tolerance, Some(cases::dark_room()), MOST)?;
+        let (goal, unknowns) = (truth.error(&row.solved.solution), row.solved.unknowns);
         println!("focus:");
-        row.print(truth.error(&row.solved.solution));
+        row.print(goal);
         println!("whole scene:");
-        let goal = tolerance.max(truth.error(&row.solved.solution));
-        for k in 0..6 {
-            let row = Row::adaptive(&scene, &ALL[1], tolerance / 1.5_f64.powi(k), None)?;
+        for k in 2..9 {
+            let row = Row::adaptive(&scene, &ALL[1], tolerance / 1.5_f64.powi(k), None, 2 * MOST)?;
             let error = truth.error(&row.solved.solution);
             row.print(error);
             if error <= goal || !row.reached {
+                println!("{:.1} times the unknowns", row.solved.unknowns as f64 / unknowns as f64);
                 break;
             }
         }

@@ -14,6 +14,8 @@ const REDUCTION: f64 = 0.25;
 const LEARNT: [f64; 2] = [1.0 / 32.0, 0.5];
 /// A cell is refined so many times in a round at the most.
 const MOST_LEVELS: u8 = 2;
+/// A round adds one in so many cells at the least: it costs as much as the last, and what is predicted may not come.
+const LEAST_GROWTH: usize = 8;
 /// What refining a cell makes of it.
 const PIECES: usize = 4;
 
@@ -82,15 +84,16 @@ impl Marking {
     }
 
     /// How many times each cell is to be refined, for the sum of the squares to be at most `goal` times what it is, or for
-    /// there to be about as many cells as there may be.
+    /// there to be about as many cells as there may be; at least one in [`LEAST_GROWTH`] is refined, where there is any error.
     pub(super) fn levels(&self, squares: &[f64], goal: f64, most_cells: usize) -> Vec<u8> {
         let mut sum: f64 = squares.iter().sum();
         let (target, mut cells) = (goal * sum, squares.len());
+        let least = (cells + cells / LEAST_GROWTH).min(most_cells);
         let mut levels = vec![0; squares.len()];
         let candidate = |(cell, &square): (usize, &f64)| Candidate { cell, level: 0, square };
         let mut queue: BinaryHeap<Candidate> =
             squares.iter().enumerate().filter(|(_, square)| **square > 0.0).map(candidate).collect();
-        while sum > target && cells < most_cells {
+        while (sum > target || cells < least) && cells < most_cells {
             let Some(Candidate { cell, level, square }) = queue.pop() else { break };
             let left = self.reduction * square;
             sum -= square - left;

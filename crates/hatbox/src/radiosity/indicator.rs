@@ -38,7 +38,13 @@ pub fn local_error(solution: &Solution) -> MultiVector {
     }
 }
 
-/// The same from g.
+/// How far a function is in each cell from one that the space has: the second of the two parts of the indicator, for the
+/// radiosity of `function` itself in the place of g.
+pub fn roughness(function: &Solution) -> MultiVector {
+    indicated(function, function.radiosity.clone())
+}
+
+/// The indicator from g.
 pub(super) fn indicated(solution: &Solution, g: MultiVector) -> MultiVector {
     let (space, bands) = (&solution.space, solution.bands());
     let mut squares = MultiVector::zeros(space.cells(), bands);

@@ -4,26 +4,30 @@
 //! apart:
 //!
 //! - ‖r‖ from irradiance gathered afresh, with its own quadrature and its own rays, at points drawn where the indicators
-//!   see error, where the error is asked of, and all over the surfaces (a third of them each). Visibility, quadrature, discretisation and the
-//!   solver are all in it. Shadows are exact there. Where rays have to tell, each point has two independent gathers whose
+//!   see error, where the error is asked of, and all over the surfaces (a third of them each); where more are needed, half of
+//!   them lie where the first have seen error (`spread`). Visibility, quadrature, discretisation and the solver are all in
+//!   it. Shadows are exact there. Where rays have to tell, each point has two independent gathers whose
 //!   residuals are *multiplied*, so that their noise does not pass for an error of the solution. To the mean two standard
 //!   errors are added.
 //! - p = R K (r + p) is what the residual causes elsewhere. Galerkin's residual is orthogonal to the space, and K
 //!   smooths: what is left of it to multiply are its means over whole parts of the scene, left by the operator's error.
 //!   They are measured at the same points, and their reflections are computed with the same S.
 //!
-//! The estimate is ‖r‖ + ‖p‖. What is reported is *estimated*: a bound with conservative parts would be called certified,
-//! and nothing here is.
+//! The estimate is the root of ‖r‖² + 2‖r̄‖‖p‖ + ‖p‖², r̄ being those means: p is smooth, and what r has besides its means
+//! is orthogonal to smooth functions. What is reported is *estimated*: a bound with conservative parts would be called
+//! certified, and nothing here is.
 //!
-//! Tried and dropped: ‖r‖/(1 − ρ) with the emitted over the leaving power for 1 − ρ. It takes the residual to be of the
+//! Tried and dropped: ‖r‖ + ‖p‖, which is as wrong as the means are where few points see them. ‖r‖/(1 − ρ) with the emitted over the leaving power for 1 − ρ. It takes the residual to be of the
 //! shape that multiplies most, and overestimated by 1/(1 − ρ): threefold in a room of ρ = 0.7.
 
 use super::indicator::indicated;
+use super::means::part_means;
+use super::spread::{Spread, carried_around};
 use super::{Shown, Solution, System};
 use crate::element::Shape;
 use crate::exchange::Exchange;
 use crate::linalg::{LinearOperator, MultiVector};
-use crate::mesh::{Mesh, Patch};
+use crate::mesh::Patch;
 use crate::progress::{Interrupted, Progress};
 use crate::quadrature::sequence::{hash, point};
 use crate::solve::{Info, SolveError};
@@ -37,12 +41,8 @@ const PRECISE: f64 = 0.25;
 const MOST_TIMES: usize = 16;
 /// Standard errors that are added to the mean of r²: few points fall where r is greatest, at edges and in corners.
 const DEVIATIONS: f64 = 2.0;
-/// A part of the scene with fewer points than this has no mean.
-const LEAST_POINTS: usize = 6;
 /// A residual that is smaller than B̃ by this factor is none.
 const ROUNDING: f64 = 1e-12;
-/// Directions of normals that tell parts apart: ± each axis.
-const DIRECTIONS: usize = 6;
 
 /// An estimate of ‖B − B̃‖/‖B̃ − B⁰‖ and of what it is made of, each the worst band's. The norm is that of the reflected
 /// light: emitters are often hundreds of times brighter than what they light, and their own exitance is exact.
@@ -52,7 +52,7 @@ pub struct ErrorEstimate {
     pub relative: f64,
     /// ‖r‖/‖B̃ − B⁰‖, with two standard errors of its sampling.
     pub residual: f64,
-    /// ‖p‖/‖B̃ − B⁰‖, what the residual causes by reflection.
+    /// ‖p‖/‖B̃ − B⁰‖, what the residual causes by reflection, as far as it is seen by the points.
     pub propagated: f64,
     /// Of the residual, what textures and given functions lose by projection.
     pub data: f64,
@@ -122,10 +122,14 @@ pub fn estimate_error(
     };
     let residual = |band: usize| relative(residuals[band][0], band);
     let data = |band: usize| relative(residuals[band][1], band);
+    let caused = |band: usize| relative(propagated[band][0], band);
     let error = ErrorEstimate {
-        relative: worst(&|band| residual(band) + relative(propagated[band], band)),
+        relative: worst(&|band| {
+            let (r, p, means) = (residual(band), caused(band), relative(propagated[band][1], band));
+            (r * r + 2.0 * means.min(r) * p + p * p).sqrt()
+        }),
         residual: worst(&residual),
-        propagated: worst(&|band| relative(propagated[band], band)),
+        propagated: worst(&caused),
         data: worst(&data),
         discretisation: worst(&|band| (residual(band).powi(2) - data(band).powi(2)).max(0.0).sqrt()),
         absorption: -(0..solution.bands()).map(absorption).fold(-1.0, greater),
@@ -141,22 +145,19 @@ fn greater(a: f64, b: f64) -> f64 {
 }
 
 /// What is known at a point.
-struct Sample {
-    cell: usize,
+pub(super) struct Sample {
+    pub(super) cell: usize,
     /// 1/density, in m²: what the point would stand for if it were the only one.
-    area: f64,
-    /// Per band: the two independent residuals, and what projection of the data costs.
-    bands: Vec<[f64; 3]>,
+    pub(super) area: f64,
+    /// Per band: the two independent residuals, what projection of the data costs, and the known part g − B̃ of the residual.
+    pub(super) bands: Vec<[f64; 4]>,
 }
 
 struct Measure<'a> {
     system: &'a System,
     solution: &'a Solution,
     sampling: &'a Sampling<'a>,
-    /// Points per m² on each cell, relative to one of all of them.
-    density: Vec<f64>,
-    /// Sum of density × area up to and with each cell.
-    ends: Vec<f64>,
+    areas: Vec<f64>,
     /// ‖B̃ − B⁰‖ within, per band.
     norms: Vec<f64>,
     /// Δ⁻¹(b⁰ + M_R e).
@@ -167,13 +168,12 @@ struct Measure<'a> {
 
 impl<'a> Measure<'a> {
     fn new(system: &'a System, solution: &'a Solution, sampling: &'a Sampling<'a>) -> Self {
-        let reflected = system.reflected_once_more(solution);
+        let (mesh, reflected) = (&system.scene.mesh, system.reflected_once_more(solution));
         let mut light = reflected.clone();
         light.add_scaled(-1.0, &system.projected_emission());
         let mut measure = Self {
             norms: Vec::new(),
-            density: Vec::new(),
-            ends: Vec::new(),
+            areas: (0..mesh.cells.len()).map(|cell| mesh.patch(cell).area()).collect(),
             indicated: indicated(solution, reflected.clone()),
             reflected: Solution { radiosity: reflected, ..solution.clone() },
             system,
@@ -181,7 +181,6 @@ impl<'a> Measure<'a> {
             sampling,
         };
         measure.norms = measure.norms_within(&light);
-        measure.spread_points();
         measure
     }
 
@@ -200,55 +199,52 @@ impl<'a> Measure<'a> {
     }
 
     /// A third of the points by area, a third by area where the error is asked of, a third by the indicators there.
-    fn spread_points(&mut self) {
-        let mesh = &self.system.scene.mesh;
-        let areas: Vec<f64> = (0..mesh.cells.len()).map(|cell| mesh.patch(cell).area()).collect();
-        let indicated = &self.indicated;
-        let error = |cell: usize| {
-            let band =
-                |band: usize| if self.norms[band] > 0.0 { indicated.band(band)[cell] / self.norms[band] } else { 0.0 };
-            if self.counts(cell) { (0..indicated.bands()).map(band).sum::<f64>() } else { 0.0 }
+    fn first_densities(&self) -> [Vec<f64>; 3] {
+        let indicated = |cell: usize| {
+            let of = |(band, norm): (usize, &f64)| {
+                if *norm > 0.0 { self.indicated.band(band)[cell] / norm } else { 0.0 }
+            };
+            if self.counts(cell) { self.norms.iter().enumerate().map(of).sum::<f64>().powi(2) } else { 0.0 }
         };
-        let errors: Vec<f64> = (0..areas.len()).map(error).collect();
-        let squares: f64 = errors.iter().zip(&areas).map(|(e, area)| e * e * area).sum();
-        let all: f64 = areas.iter().sum();
-        let within: f64 = (0..areas.len()).filter(|&c| self.counts(c)).map(|c| areas[c]).sum();
-        let density = |cell: usize| {
-            let here = if self.counts(cell) && within > 0.0 { 1.0 / within } else { 0.0 };
-            let indicated = if squares > 0.0 { errors[cell].powi(2) / squares } else { 0.0 };
-            (1.0 / all + here + indicated) / 3.0
-        };
-        self.density = (0..areas.len()).map(density).collect();
-        let mut end = 0.0;
-        self.ends = Vec::with_capacity(areas.len());
-        for (density, area) in self.density.iter().zip(&areas) {
-            end += density * area;
-            self.ends.push(end);
-        }
+        let cells = || 0..self.areas.len();
+        let counts = |cell| f64::from(u8::from(self.counts(cell)));
+        [vec![1.0; self.areas.len()], cells().map(counts).collect(), cells().map(indicated).collect()]
     }
 
-    /// As many points as it takes, by cell.
+    /// As many points as it takes, by cell. What the first have seen says where the others are: half of these lie by r²
+    /// on cells that have points and around them.
     fn samples(&self, progress: &dyn Progress) -> Result<Vec<Sample>, SolveError> {
         let (first, seed) = (self.sampling.points, hash(self.sampling.seed, 0x0065_7272_6f72));
-        let mut samples = self.some_samples(first, seed, progress)?;
+        let densities = self.first_densities();
+        let mut samples = self.some_samples(first, &Spread::of(&densities, &self.areas), seed, progress)?;
         let mut batch = 0;
         while samples.len() < MOST_TIMES * first && self.is_vague(&samples) {
             batch += 1;
+            samples.sort_by_key(|sample| sample.cell);
+            let seen: Vec<_> = self.seen(&samples).into_iter().filter(|&(cell, _)| self.counts(cell)).collect();
+            let learnt = vec![carried_around(&self.system.scene.mesh, &seen); densities.len()];
+            let spread = Spread::of(&[&densities[..], &learnt[..]].concat(), &self.areas);
             // Seeds of their own: those of points' rays are hashes of small numbers.
             let seed = hash(hash(seed, u64::MAX), batch);
-            samples.extend(self.some_samples(samples.len(), seed, progress)?);
+            samples.extend(self.some_samples(samples.len(), &spread, seed, progress)?);
         }
         samples.sort_by_key(|sample| sample.cell);
         Ok(samples)
     }
 
-    fn some_samples(&self, points: usize, seed: u64, progress: &dyn Progress) -> Result<Vec<Sample>, SolveError> {
+    fn some_samples(
+        &self,
+        points: usize,
+        spread: &Spread,
+        seed: u64,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Sample>, SolveError> {
         progress.begin("estimating the error", points as u64);
         let samples: Result<Vec<Sample>, Interrupted> = (0..points)
             .into_par_iter()
             .map(|k| {
                 progress.advance(1);
-                if progress.interrupted() { Err(Interrupted) } else { Ok(self.sample(k as u32, points, seed)) }
+                if progress.interrupted() { Err(Interrupted) } else { Ok(self.sample(k as u32, points, spread, seed)) }
             })
             .collect();
         progress.end();
@@ -256,10 +252,9 @@ impl<'a> Measure<'a> {
     }
 
     /// The k-th of some points: one in each k-th part of the density.
-    fn sample(&self, k: u32, points: usize, seed: u64) -> Sample {
+    fn sample(&self, k: u32, points: usize, spread: &Spread, seed: u64) -> Sample {
         let p = point(seed, k);
-        let target = (f64::from(k) + p[0]) / points as f64 * self.ends.last().copied().unwrap_or(0.0);
-        let cell = self.ends.partition_point(|&end| end <= target).min(self.ends.len().saturating_sub(1));
+        let cell = spread.cell((f64::from(k) + p[0]) / points as f64);
         let patch = self.system.scene.mesh.patch(cell);
         let at = match patch.shape() {
             Shape::Triangle => [p[2].sqrt() * (1.0 - p[1]), p[2].sqrt() * p[1]],
@@ -274,13 +269,12 @@ impl<'a> Measure<'a> {
             let (b0, r) = (material.exitance.at(&site, band), material.reflectance.at(&site, band));
             let e = self.solution.evaluate(Shown::Irradiance, cell, at, band);
             let projected = self.reflected.evaluate(Shown::Radiosity, cell, at, band);
-            [b0 + r * first[band] - b, b0 + r * second[band] - b, b0 + r * e - projected]
+            [b0 + r * first[band] - b, b0 + r * second[band] - b, b0 + r * e - projected, projected - b]
         };
         let bands = (0..self.solution.bands()).map(of).collect();
         // Reference coordinates are uniform; on a quad that is no parallelogram the points are not.
         let stretch = patch.jacobian(at) * patch.shape().reference_area() / patch.area();
-        let total = self.ends.last().copied().unwrap_or(1.0);
-        Sample { cell, area: stretch * total / self.density[cell], bands }
+        Sample { cell, area: stretch * spread.area(cell), bands }
     }
 
     /// The irradiance at a point, twice and independently: by the operator if it can, else gathered from all panels.
@@ -332,43 +326,19 @@ impl<'a> Measure<'a> {
     /// The mean of r² relative to the norm on each cell with points.
     fn seen(&self, samples: &[Sample]) -> Vec<(usize, f64)> {
         let square = |sample: &Sample| -> f64 {
-            let of = |(r, norm): (&[f64; 3], &f64)| if *norm > 0.0 { r[0] * r[1] / (norm * norm) } else { 0.0 };
+            let of = |(r, norm): (&[f64; 4], &f64)| if *norm > 0.0 { r[0] * r[1] / (norm * norm) } else { 0.0 };
             sample.bands.iter().zip(&self.norms).map(of).sum::<f64>().max(0.0)
         };
         let cells = samples.chunk_by(|a, b| a.cell == b.cell);
         cells.map(|s| (s[0].cell, s.iter().map(square).sum::<f64>() / s.len() as f64)).collect()
     }
 
-    /// ‖p‖ within, per band.
-    fn propagated(&self, samples: &[Sample], progress: &dyn Progress) -> Result<Vec<f64>, SolveError> {
-        let (space, bands) = (&self.solution.space, self.solution.bands());
-        let parts = parts(&self.system.scene.mesh);
-        let count = parts.iter().max().map_or(0, |&last| last + 1);
-        let mut sums = vec![vec![[0.0; 2]; bands]; count];
-        let mut points = vec![0; count];
-        for sample in samples {
-            let part = parts[sample.cell];
-            points[part] += 1;
-            for (sum, r) in sums[part].iter_mut().zip(&sample.bands) {
-                *sum = [sum[0] + sample.area, sum[1] + sample.area * 0.5 * (r[0] + r[1])];
-            }
-        }
-        let mut means = MultiVector::zeros(space.broken_dofs(), bands);
-        for cell in (0..space.cells()).filter(|&cell| points[parts[cell]] >= LEAST_POINTS) {
-            for (band, [area, sum]) in sums[parts[cell]].iter().enumerate() {
-                means.band_mut(band)[space.range(cell)].fill(sum / area);
-            }
-        }
-        Ok(self.norms_within(&self.system.reflections(&means, progress)?))
+    /// ‖p‖ and ‖r̄‖ within, per band.
+    fn propagated(&self, samples: &[Sample], progress: &dyn Progress) -> Result<Vec<[f64; 2]>, SolveError> {
+        let mut known = self.reflected.radiosity.clone();
+        known.add_scaled(-1.0, &self.solution.radiosity);
+        let means = part_means(self.system, &self.areas, samples, &known);
+        let reflected = self.norms_within(&self.system.reflections(&means, progress)?);
+        Ok(reflected.into_iter().zip(self.norms_within(&means)).map(|(p, r)| [p, r]).collect())
     }
-}
-
-/// The part of the scene that each cell belongs to: its material and the axis that its normal is closest to.
-fn parts(mesh: &Mesh) -> Vec<usize> {
-    let key = |cell: usize| {
-        let normal = mesh.patch(cell).normal();
-        let axis = (0..3).max_by(|&i, &j| normal[i].abs().total_cmp(&normal[j].abs())).unwrap_or(0);
-        mesh.cells[cell].material as usize * DIRECTIONS + 2 * axis + usize::from(normal[axis] > 0.0)
-    };
-    (0..mesh.cells.len()).map(key).collect()
 }
