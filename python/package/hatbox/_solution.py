@@ -291,7 +291,7 @@ def solve(
     solver: str = "auto",
     seed: int = 0,
     threads: int | None = None,
-    error_points: int = 256,
+    error_points: int = 512,
 ) -> Solution:
     """Computes the radiosity of a scene, to a tolerance or on a given subdivision.
 

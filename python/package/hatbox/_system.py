@@ -186,7 +186,7 @@ class System:
         self,
         *,
         solver: str = "auto",
-        error_points: int = 256,
+        error_points: int = 512,
         gather: bool = False,
         threads: int | None = None,
         progress: bool = False,

@@ -127,6 +127,12 @@ mod tests {
     }
 
     #[test]
+    fn a_round_is_worth_its_price() {
+        let levels = Marking::new().levels(&[1.0; 16], 1.0, 100);
+        assert_eq!(levels.iter().map(|&level| u32::from(level)).sum::<u32>(), 1, "two more cells than 16, or more");
+    }
+
+    #[test]
     fn what_refining_leaves_is_learnt() {
         for (q, expected) in [(0.125, 0.125), (0.9, 0.5)] {
             let mut marking = Marking::new();

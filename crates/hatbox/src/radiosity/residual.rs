@@ -4,21 +4,22 @@
 //! apart:
 //!
 //! - ‖r‖ from irradiance gathered afresh, with its own quadrature and its own rays, at points drawn where the indicators
-//!   see error, where the error is asked of, and all over the surfaces (a third of them each); where more are needed, half of
-//!   them lie where the first have seen error (`spread`). Visibility, quadrature, discretisation and the solver are all in
-//!   it. Shadows are exact there. Where rays have to tell, each point has two independent gathers whose
-//!   residuals are *multiplied*, so that their noise does not pass for an error of the solution. To the mean two standard
-//!   errors are added.
-//! - p = R K (r + p) is what the residual causes elsewhere. Galerkin's residual is orthogonal to the space, and K
-//!   smooths: what is left of it to multiply are its means over whole parts of the scene, left by the operator's error.
-//!   They are measured at the same points, and their reflections are computed with the same S.
+//!   see error, where the error is asked of, and all over the surfaces (a third of them each); where more are needed, half
+//!   of these lie where the first have seen error (`spread`). Visibility, quadrature, discretisation and the solver are all
+//!   in it. Shadows are exact there. Where rays have to tell, each point has two independent gathers whose residuals are
+//!   *multiplied*, so that their noise does not pass for an error of the solution. To the mean three standard errors are
+//!   added.
+//! - p = R K (r + p) is what the residual causes elsewhere. Of r that can be reflected, the space knows its projection
+//!   g − B̃, with g = Δ⁻¹(b⁰ + M_R e) in the broken space: joined functions leave it. The operator's errors are not in it;
+//!   their means over parts of the scene (`means`) are measured at the same points. Both are reflected with the same S.
 //!
-//! The estimate is the root of ‖r‖² + 2‖r̄‖‖p‖ + ‖p‖², r̄ being those means: p is smooth, and what r has besides its means
-//! is orthogonal to smooth functions. What is reported is *estimated*: a bound with conservative parts would be called
-//! certified, and nothing here is.
+//! The estimate is the root of ‖r‖² + 2⟨r, p⟩ + ‖p‖². What is reported is *estimated*: a bound with conservative parts
+//! would be called certified, and nothing here is.
 //!
-//! Tried and dropped: ‖r‖ + ‖p‖, which is as wrong as the means are where few points see them. ‖r‖/(1 − ρ) with the emitted over the leaving power for 1 − ρ. It takes the residual to be of the
-//! shape that multiplies most, and overestimated by 1/(1 − ρ): threefold in a room of ρ = 0.7.
+//! Tried and dropped: p from means over parts alone. Beside an edge r has one sign on both faces, which reflect it to each
+//! other; in an empty cube the estimate was a tenth too small, with any number of points. ‖r‖/(1 − ρ) with the emitted over
+//! the leaving power for 1 − ρ. It takes the residual to be of the shape that multiplies most, and overestimated by
+//! 1/(1 − ρ): threefold in a room of ρ = 0.7.
 
 use super::indicator::indicated;
 use super::means::part_means;
@@ -33,14 +34,15 @@ use crate::quadrature::sequence::{hash, point};
 use crate::solve::{Info, SolveError};
 use rayon::prelude::*;
 
-/// Points are added until two standard errors are less than this share of the mean of r², or the error is surely more than is
-/// wanted, or there are so many times those that were asked for. A quarter is an eighth of the norm. Where r is even, the
-/// first points do; where it sits at the edge of a shadow they may err by half. (That points which happen to miss an edge
-/// ask for no others is a bias; the third of them that follows the indicators is there to see edges.)
-const PRECISE: f64 = 0.25;
+/// Points are added until so many standard errors as are added are less than this share of the mean of r², or the error is
+/// surely more than is wanted, or there are so many times those that were asked for. The share is twice that of the norm.
+/// Where r is even, the first points do; where it sits at the edge of a shadow they may err by half. (That points which
+/// happen to miss an edge ask for no others is a bias; the third of them that follows the indicators is there to see
+/// edges.)
+const PRECISE: f64 = 0.3;
 const MOST_TIMES: usize = 16;
 /// Standard errors that are added to the mean of r²: few points fall where r is greatest, at edges and in corners.
-const DEVIATIONS: f64 = 2.0;
+const DEVIATIONS: f64 = 3.0;
 /// A residual that is smaller than B̃ by this factor is none.
 const ROUNDING: f64 = 1e-12;
 
@@ -50,7 +52,7 @@ const ROUNDING: f64 = 1e-12;
 pub struct ErrorEstimate {
     /// The estimated relative L2 error of the reflected light.
     pub relative: f64,
-    /// ‖r‖/‖B̃ − B⁰‖, with two standard errors of its sampling.
+    /// ‖r‖/‖B̃ − B⁰‖, with three standard errors of its sampling.
     pub residual: f64,
     /// ‖p‖/‖B̃ − B⁰‖, what the residual causes by reflection, as far as it is seen by the points.
     pub propagated: f64,
@@ -82,8 +84,8 @@ pub struct Estimated {
 /// How an error is to be estimated.
 #[derive(Debug, Clone, Copy)]
 pub struct Sampling<'a> {
-    /// Number of points to begin with: there are up to sixteen times as many where r² scatters, until two standard errors are a
-    /// quarter of its mean.
+    /// Number of points to begin with: there are up to sixteen times as many where r² scatters, until three standard errors
+    /// are less than a third of its mean.
     pub points: usize,
     /// The relative error that is wanted: where it is surely more, nothing is to be gained from more points. 0 if any
     /// answer is.
@@ -122,12 +124,13 @@ pub fn estimate_error(
     };
     let residual = |band: usize| relative(residuals[band][0], band);
     let data = |band: usize| relative(residuals[band][1], band);
-    let caused = |band: usize| relative(propagated[band][0], band);
+    let caused = |band: usize| relative(propagated[band][0].max(0.0).sqrt(), band);
+    let total = |band: usize| {
+        let [square, product] = propagated[band];
+        relative((residuals[band][0].powi(2) + 2.0 * product + square).max(0.0).sqrt(), band)
+    };
     let error = ErrorEstimate {
-        relative: worst(&|band| {
-            let (r, p, means) = (residual(band), caused(band), relative(propagated[band][1], band));
-            (r * r + 2.0 * means.min(r) * p + p * p).sqrt()
-        }),
+        relative: worst(&total),
         residual: worst(&residual),
         propagated: worst(&caused),
         data: worst(&data),
@@ -190,12 +193,17 @@ impl<'a> Measure<'a> {
 
     /// The norm of a broken function over the cells that are asked of.
     fn norms_within(&self, function: &MultiVector) -> Vec<f64> {
-        let weighted = self.system.mass().times(function);
+        self.products_within(function, function).into_iter().map(|square| square.max(0.0).sqrt()).collect()
+    }
+
+    /// The integrals of the product of two broken functions over the cells that are asked of.
+    fn products_within(&self, function: &MultiVector, other: &MultiVector) -> Vec<f64> {
+        let weighted = self.system.mass().times(other);
         let cells = || (0..self.solution.space.cells()).filter(|&cell| self.counts(cell));
-        let square = |(f, w): (&[f64], &[f64])| -> f64 {
+        let product = |(f, w): (&[f64], &[f64])| -> f64 {
             cells().flat_map(|cell| self.solution.space.range(cell)).map(|k| f[k] * w[k]).sum()
         };
-        function.iter_bands().zip(weighted.iter_bands()).map(square).map(|s| s.max(0.0).sqrt()).collect()
+        function.iter_bands().zip(weighted.iter_bands()).map(product).collect()
     }
 
     /// A third of the points by area, a third by area where the error is asked of, a third by the indicators there.
@@ -310,7 +318,7 @@ impl<'a> Measure<'a> {
         !bands().any(too_much) && bands().any(|([mean, deviation], _)| DEVIATIONS * deviation > PRECISE * mean)
     }
 
-    /// ‖r‖ with two standard errors, and the data's part, per band.
+    /// ‖r‖ with three standard errors, and the data's part, per band.
     fn residuals(&self, samples: &[Sample]) -> Vec<[f64; 2]> {
         let within = || samples.iter().filter(|sample| self.counts(sample.cell));
         let of = |band: usize| {
@@ -333,12 +341,13 @@ impl<'a> Measure<'a> {
         cells.map(|s| (s[0].cell, s.iter().map(square).sum::<f64>() / s.len() as f64)).collect()
     }
 
-    /// ‖p‖ and ‖r̄‖ within, per band.
+    /// ‖p‖² and ⟨r, p⟩ within, per band.
     fn propagated(&self, samples: &[Sample], progress: &dyn Progress) -> Result<Vec<[f64; 2]>, SolveError> {
-        let mut known = self.reflected.radiosity.clone();
-        known.add_scaled(-1.0, &self.solution.radiosity);
-        let means = part_means(self.system, &self.areas, samples, &known);
-        let reflected = self.norms_within(&self.system.reflections(&means, progress)?);
-        Ok(reflected.into_iter().zip(self.norms_within(&means)).map(|(p, r)| [p, r]).collect())
+        let mut residual = self.reflected.radiosity.clone();
+        residual.add_scaled(-1.0, &self.solution.radiosity);
+        residual.add_scaled(1.0, &part_means(self.system, samples, self.solution.bands()));
+        let p = self.system.reflections(&residual, progress)?;
+        let [square, product] = [&p, &residual].map(|other| self.products_within(&p, other));
+        Ok(square.into_iter().zip(product).map(|(square, product)| [square, product]).collect())
     }
 }

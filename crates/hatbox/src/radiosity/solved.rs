@@ -51,7 +51,7 @@ impl Default for Options {
             solver: None,
             seed: 0,
             memory: exchange::MEMORY,
-            error_points: 256,
+            error_points: 512,
         }
     }
 }

@@ -67,3 +67,42 @@ pub(super) fn carried_around(mesh: &Mesh, seen: &[(usize, f64)]) -> Vec<f64> {
     }
     values
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::element::Shape;
+    use crate::mesh::Cell;
+    use glam::DVec3;
+
+    #[test]
+    fn points_stand_for_the_area_of_their_cells() {
+        let areas = [1.0, 2.0, 4.0, 0.5];
+        let spread = Spread::of(&[vec![1.0; 4], vec![0.0, 3.0, 0.0, 1.0], vec![0.0; 4]], &areas);
+        let points = 100_000;
+        let mut stood_for = [0.0; 4];
+        for k in 0..points {
+            let cell = spread.cell((f64::from(k) + 0.5) / f64::from(points));
+            stood_for[cell] += spread.area(cell) / f64::from(points);
+        }
+        for (found, area) in stood_for.iter().zip(areas) {
+            assert!((found - area).abs() < 1e-3 * area, "{stood_for:?}");
+        }
+        assert!(spread.area(1) < 0.3 * spread.area(0), "density 1/7.5 + 3/6.5 against 1/7.5");
+    }
+
+    #[test]
+    fn what_is_seen_on_a_cell_is_carried_to_those_around_it() {
+        let triangle = |vertices: [u32; 3]| Cell {
+            shape: Shape::Triangle,
+            vertices: [vertices[0], vertices[1], vertices[2], vertices[2]],
+            material: 0,
+            group: 0,
+            surface: 0,
+        };
+        let cells = vec![triangle([0, 1, 2]), triangle([1, 3, 2]), triangle([3, 4, 5])];
+        let mesh = Mesh { vertices: vec![DVec3::ZERO; 6], cells, ..Mesh::default() };
+        let carried = carried_around(&mesh, &[(0, 3.0)]);
+        assert_eq!(carried, [3.0, 2.0, 0.0], "an edge is two of three corners");
+    }
+}

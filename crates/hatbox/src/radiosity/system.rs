@@ -389,18 +389,23 @@ impl System {
     }
 
     /// What surfaces reflect, again and again, if they emit a function of the broken space: (I − RK)⁻¹RK of it, to three
-    /// digits, in the broken space.
+    /// digits, in the broken space. The first reflection is that of the function as it is; the others, which K has made
+    /// smooth, are computed in the joined space.
     ///
     /// # Errors
     /// [`SolveError`].
     pub fn reflections(&self, emission: &MultiVector, progress: &dyn Progress) -> Result<MultiVector, SolveError> {
+        let reflected = |solution: &Solution| {
+            self.mass_inverse.times(&weighted_mass(&self.scene, &self.space).times(&solution.irradiance))
+        };
+        let mut once = reflected(&self.solution(emission.clone()));
         if emission.as_slice().iter().all(|&value| value == 0.0) {
             return Ok(emission.clone());
         }
         let params = solve::Params { tolerance: 1e-3, ..Default::default() };
-        let (solution, _) = self.solve_for(&self.mass.times(emission), self.best_solver(), &params, progress)?;
-        let reflected = weighted_mass(&self.scene, &self.space).times(&solution.irradiance);
-        Ok(self.mass_inverse.times(&reflected))
+        let (again, _) = self.solve_for(&self.mass.times(&once), self.best_solver(), &params, progress)?;
+        once.add_scaled(1.0, &reflected(&again));
+        Ok(once)
     }
 
     /// Δ⁻¹ b⁰: what the scene emits, in the broken space.
