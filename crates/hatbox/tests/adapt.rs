@@ -116,7 +116,7 @@ fn what_joined_functions_leave_is_reflected() {
     };
     let [joined, broken] = [Continuity::Continuous { crease_angle: CREASE_ANGLE }, Continuity::Broken].map(system);
     // Bright at one corner of each cell and dark at the others: its integral is 0.
-    let corner = |row: usize, _: usize| if row % 3 == 0 { 2.0 } else { -1.0 };
+    let corner = |row: usize, _: usize| if row.is_multiple_of(3) { 2.0 } else { -1.0 };
     let left = MultiVector::from_fn(3 * scene.triangulated().mesh.cells.len(), 1, corner);
     let [found, expected] = [joined, broken].map(|system| system.reflections(&left, &Silent).expect("solved"));
     let mut difference = found.clone();
@@ -193,6 +193,15 @@ fn refinement_reaches_what_was_asked_and_goes_where_the_error_is() {
     assert!(adapted.solved.energy.defect() < 1e-9);
     let few = adapt::Options { most_coefficients: 100, ..to(0.01) };
     assert!(!adapt::solve(&room(false), &few, &Silent).expect("solved").reached);
+}
+
+/// Rays were cast for five times the tolerance, as pairs are integrated, and no mesh was fine enough.
+#[test]
+fn operators_of_rays_reach_what_was_asked() {
+    let mut options = to(0.01);
+    options.solve.operator = exchange::kind("sampled").expect("a kind");
+    let adapted = adapt::solve(&room(false), &options, &Silent).expect("solved");
+    assert!(adapted.reached, "{:?}", adapted.rounds);
 }
 
 /// The border of the shadow of a sheet under a small lamp is two hundredths of the floor wide.

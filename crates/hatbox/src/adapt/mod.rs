@@ -27,11 +27,7 @@ use std::time::{Duration, Instant};
 /// The next mesh has so many times the cells at the most: predictions reach no farther. All rounds together then cost a
 /// third more than the last one. With four times, the last meshes had up to twice the cells that were needed.
 const GROWTH: usize = 2;
-/// The operator's tolerance, relative to what is asked for. It is one for the worst row, if all errors were of one sign;
-/// what is left of it in the solution is some thirty times less (on the Cornell box with 1400 elements, 1 % and 30 % give
-/// irradiances that are wrong by 1.342 % and 1.346 %, in 21 and 5 CPU seconds). The residual sees it if it is not.
-const OPERATOR_SHARE: f64 = 5.0;
-/// And no looser than this.
+/// The operator's tolerance is no looser than this.
 const OPERATOR_LOOSEST: f64 = 0.1;
 /// Of a residual seen at a cell's points, as much of its square is believed of the cell at least.
 const BELIEVED: f64 = 0.25;
@@ -105,7 +101,6 @@ pub struct Adapted {
 /// [`Error`]; nothing is left behind.
 pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Adapted, Error> {
     let mut settings = options.solve;
-    settings.tolerance = (OPERATOR_SHARE * options.tolerance).min(OPERATOR_LOOSEST);
     let mut scene = first_mesh(scene, &settings)?;
     if let Some(focus) = &options.focus {
         scene = in_focus(scene, focus, options);
@@ -122,6 +117,7 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
             }
             Ok(focus.clone())
         };
+        settings.tolerance = operator_tolerance(&scene, options);
         let system = System::of_cells(scene, &settings, progress)?;
         let (solved, estimated) = system.solved_within(&settings, options.tolerance, within, progress)?;
         let estimate = estimated.as_ref().map_or(0.0, |estimated| estimated.error.relative);
@@ -141,6 +137,13 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
             None => return Ok(Adapted { system, solved, rounds, reached: false }),
         }
     }
+}
+
+/// What the operator on these cells is built to. The residual sees it if it is not enough.
+fn operator_tolerance(scene: &Scene, options: &Options) -> f64 {
+    let unknowns = scene.mesh.cells.len() * options.solve.basis.triangle.dofs();
+    let kind = options.solve.operator.chosen(unknowns, options.solve.memory);
+    (kind.looseness * options.tolerance).min(OPERATOR_LOOSEST)
 }
 
 /// The next mesh, and the cell that each of its cells is a piece of; `None` if there is no error to refine for (what is

@@ -10,6 +10,7 @@ const MOST_DENSE: usize = 20_000;
 pub static AUTO: Kind = Kind {
     name: "auto",
     summary: "what suits the number of unknowns and the memory",
+    looseness: 1.0,
     build: |geometry: &Geometry<'_>, params: &Params, progress| {
         let (kind, _) = choose(geometry.space.broken_dofs(), params.memory);
         (kind.build)(geometry, params, progress)
@@ -28,6 +29,13 @@ pub fn choose(unknowns: usize, memory: usize) -> (&'static Kind, String) {
         (named(Sampled::NAME), format!("all pairs would take {needed} MB, more than the {allowed} MB allowed"))
     } else {
         (named(Dense::NAME), format!("all pairs of {unknowns} coefficients are affordable"))
+    }
+}
+
+impl Kind {
+    /// The kind itself, or if it is [`AUTO`] the one that it [chooses](choose).
+    pub fn chosen(&'static self, unknowns: usize, memory: usize) -> &'static Self {
+        if self.name == AUTO.name { choose(unknowns, memory).0 } else { self }
     }
 }
 

@@ -206,6 +206,11 @@ pub struct Kind {
     pub name: &'static str,
     /// One line for help and documentation.
     pub summary: &'static str,
+    /// Its tolerance for a solution whose error is to be 1. What a dense operator keeps to is the worst row, as if all errors
+    /// were of one sign: what is left of it in a solution is some thirty times less (on the Cornell box with 1400 elements,
+    /// 1 % and 30 % give irradiances that are wrong by 1.342 % and 1.346 %, in 21 and 5 CPU seconds). The error of rays is
+    /// what they are asked for, or half of it.
+    pub looseness: f64,
     /// Builds it.
     pub build: Build,
 }
@@ -215,16 +220,19 @@ pub const ALL: &[Kind] = &[
     Kind {
         name: Dense::NAME,
         summary: "all pairs, stored; the reference, up to about 20 000 unknowns",
+        looseness: 5.0,
         build: |geometry, params, progress| Ok(Box::new(Dense::new(geometry, params, progress)?)),
     },
     Kind {
         name: Hierarchical::NAME,
         summary: "links between clusters that see each other, rays for the rest; time and memory grow like the elements",
+        looseness: 1.0,
         build: |geometry, params, progress| Ok(Box::new(Sampled::linked(geometry, params, progress)?)),
     },
     Kind {
         name: Sampled::NAME,
         summary: "cosine rays from every element and exact light from lamps; time and memory grow like the elements",
+        looseness: 1.0,
         build: |geometry, params, progress| Ok(Box::new(Sampled::new(geometry, params, progress)?)),
     },
 ];
