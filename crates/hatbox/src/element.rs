@@ -48,6 +48,14 @@ impl Shape {
         }
     }
 
+    /// The point of the reference cell that two uniform numbers choose, uniformly.
+    pub fn uniform(self, [u, v]: [f64; 2]) -> [f64; 2] {
+        match self {
+            Self::Triangle => [v.sqrt() * (1.0 - u), v.sqrt() * u],
+            Self::Quad => [u, v],
+        }
+    }
+
     /// The map of the reference cell's corners to `corners`, at ξ: linear on triangles, bilinear on quads. The weights
     /// of the corners.
     pub fn corner_weights(self, [x, y]: [f64; 2]) -> [f64; 4] {

@@ -106,7 +106,7 @@ fn estimates_are_effective_where_the_truth_is_known() {
 }
 
 /// The residual of joined functions is orthogonal to them; the light that it reflects must not be lost with it. (It was, and
-/// estimates in empty rooms were a tenth too small: along an edge both faces reflect theirs to each other.)
+/// estimates in empty rooms were too small: along an edge both faces reflect theirs to each other.)
 #[test]
 fn what_joined_functions_leave_is_reflected() {
     let scene = glowing_ceiling().refined(Refinement::MaxEdge(0.36), &ALL[1]).expect("refined");

@@ -7,7 +7,7 @@
 use crate::Result;
 use glam::DVec3;
 use hatbox::adapt;
-use hatbox::element::{ALL, Shape};
+use hatbox::element::ALL;
 use hatbox::probe::Probe;
 use hatbox::progress::Silent;
 use hatbox::quadrature::sequence::{hash, point};
@@ -120,12 +120,9 @@ impl Truth {
             }
             let points = 1 + (POINTS * patch.area() / total) as u32;
             let seed = hash(1, cell as u64);
-            let at = |k: u32| {
-                let [u, v, ..] = point(seed, k);
-                if patch.shape() == Shape::Quad || u + v <= 1.0 { [u, v] } else { [1.0 - u, 1.0 - v] }
-            };
             let of = |k: u32| {
-                let (at, surface) = (at(k), scene.mesh.cells[cell].surface);
+                let [u, v, ..] = point(seed, k);
+                let (at, surface) = (patch.shape().uniform([u, v]), scene.mesh.cells[cell].surface);
                 let seeds = [2 * k, 2 * k + 1].map(|k| hash(seed, u64::from(k)));
                 let received = gather.independent(patch.point(at), patch.normal(), surface, seeds);
                 let (material, site) = (scene.material(cell), scene.site(cell, at));

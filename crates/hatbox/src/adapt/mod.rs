@@ -25,7 +25,7 @@ use marking::Marking;
 use std::time::{Duration, Instant};
 
 /// The next mesh has so many times the cells at the most: predictions reach no farther. All rounds together then cost a
-/// third more than the last one. With four times, the last meshes had up to twice the cells that were needed.
+/// third more than the last one. Four times was tried: last meshes overshot what was needed.
 const GROWTH: usize = 2;
 /// The operator's tolerance is no looser than this.
 const OPERATOR_LOOSEST: f64 = 0.1;

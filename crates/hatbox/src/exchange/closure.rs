@@ -13,7 +13,6 @@
 use super::sealed::is_sealed;
 use super::{Exchange, Geometry, Statistics};
 use crate::assemble::function_weighted_mass;
-use crate::element::Shape;
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
 use crate::mesh::Patch;
 use crate::progress::{Interrupted, Progress, Silent};
@@ -323,9 +322,5 @@ pub(super) fn cosine_ray(patch: &Patch, [u, v, s, t]: [f64; 4]) -> (DVec3, DVec3
     let e1 = normal.any_orthonormal_vector();
     let (radius, angle) = (s.sqrt(), TAU * t);
     let direction = e1 * (radius * angle.cos()) + normal.cross(e1) * (radius * angle.sin()) + normal * (1.0 - s).sqrt();
-    let at = match patch.shape() {
-        Shape::Triangle => [v.sqrt() * (1.0 - u), v.sqrt() * u],
-        Shape::Quad => [u, v],
-    };
-    (patch.point(at), direction)
+    (patch.point(patch.shape().uniform([u, v])), direction)
 }

@@ -40,7 +40,7 @@ pub fn local_error(solution: &Solution) -> MultiVector {
 
 /// How far a function is in each cell from one that the space has: the second of the two parts of the indicator, for the
 /// radiosity of `function` itself in the place of g.
-pub fn roughness(function: &Solution) -> MultiVector {
+pub(crate) fn roughness(function: &Solution) -> MultiVector {
     indicated(function, function.radiosity.clone())
 }
 

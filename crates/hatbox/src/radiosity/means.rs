@@ -39,7 +39,10 @@ pub(super) fn part_means(system: &System, samples: &[Sample], bands: usize) -> M
     let mut means = MultiVector::zeros(space.broken_dofs(), bands);
     for cell in 0..space.cells() {
         let part = &parts[part_of[cell]];
-        for band in (0..bands).filter(|_| part.points >= LEAST_POINTS) {
+        if part.points < LEAST_POINTS {
+            continue;
+        }
+        for band in 0..bands {
             means.band_mut(band)[space.range(cell)].fill(part.rest[band] / part.area);
         }
     }

@@ -23,7 +23,8 @@ mod system;
 
 pub use direct::{Direct, Projected};
 pub use gather::{Gather, Sources};
-pub use indicator::{local_error, roughness};
+pub use indicator::local_error;
+pub(crate) use indicator::roughness;
 pub use reconstruct::{error_of, gathered};
 pub use residual::{ErrorEstimate, Estimated, Sampling, estimate_error};
 pub use solution::{Shown, Solution};

@@ -17,7 +17,7 @@
 //! would be called certified, and nothing here is.
 //!
 //! Tried and dropped: p from means over parts alone. Beside an edge r has one sign on both faces, which reflect it to each
-//! other; in an empty cube the estimate was a tenth too small, with any number of points. ‖r‖/(1 − ρ) with the emitted over
+//! other; in an empty cube the estimate was too small, with any number of points. ‖r‖/(1 − ρ) with the emitted over
 //! the leaving power for 1 − ρ. It takes the residual to be of the shape that multiplies most, and overestimated by
 //! 1/(1 − ρ): threefold in a room of ρ = 0.7.
 
@@ -25,7 +25,6 @@ use super::indicator::indicated;
 use super::means::part_means;
 use super::spread::{Spread, carried_around};
 use super::{Shown, Solution, System};
-use crate::element::Shape;
 use crate::exchange::Exchange;
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::mesh::Patch;
@@ -124,10 +123,10 @@ pub fn estimate_error(
     };
     let residual = |band: usize| relative(residuals[band][0], band);
     let data = |band: usize| relative(residuals[band][1], band);
-    let caused = |band: usize| relative(propagated[band][0].max(0.0).sqrt(), band);
+    let caused = |band: usize| relative(root(propagated[band][0]), band);
     let total = |band: usize| {
         let [square, product] = propagated[band];
-        relative((residuals[band][0].powi(2) + 2.0 * product + square).max(0.0).sqrt(), band)
+        relative(root(residuals[band][0].powi(2) + 2.0 * product + square), band)
     };
     let error = ErrorEstimate {
         relative: worst(&total),
@@ -145,6 +144,11 @@ pub fn estimate_error(
 /// The greater of two numbers; no number at all, if one of them is none.
 fn greater(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
+}
+
+/// The square root of what is not negative but for noise; no number stays none, as it would not with `max`.
+fn root(square: f64) -> f64 {
+    if square < 0.0 { 0.0 } else { square.sqrt() }
 }
 
 /// What is known at a point.
@@ -193,7 +197,7 @@ impl<'a> Measure<'a> {
 
     /// The norm of a broken function over the cells that are asked of.
     fn norms_within(&self, function: &MultiVector) -> Vec<f64> {
-        self.products_within(function, function).into_iter().map(|square| square.max(0.0).sqrt()).collect()
+        self.products_within(function, function).into_iter().map(root).collect()
     }
 
     /// The integrals of the product of two broken functions over the cells that are asked of.
@@ -224,14 +228,15 @@ impl<'a> Measure<'a> {
     fn samples(&self, progress: &dyn Progress) -> Result<Vec<Sample>, SolveError> {
         let (first, seed) = (self.sampling.points, hash(self.sampling.seed, 0x0065_7272_6f72));
         let densities = self.first_densities();
-        let mut samples = self.some_samples(first, &Spread::of(&densities, &self.areas), seed, progress)?;
+        let start = Spread::of(&densities.each_ref().map(Vec::as_slice), &self.areas);
+        let mut samples = self.some_samples(first, &start, seed, progress)?;
         let mut batch = 0;
         while samples.len() < MOST_TIMES * first && self.is_vague(&samples) {
             batch += 1;
             samples.sort_by_key(|sample| sample.cell);
             let seen: Vec<_> = self.seen(&samples).into_iter().filter(|&(cell, _)| self.counts(cell)).collect();
-            let learnt = vec![carried_around(&self.system.scene.mesh, &seen); densities.len()];
-            let spread = Spread::of(&[&densities[..], &learnt[..]].concat(), &self.areas);
+            let learnt = carried_around(&self.system.scene.mesh, &seen);
+            let spread = Spread::of(&[start.density(), &learnt], &self.areas);
             // Seeds of their own: those of points' rays are hashes of small numbers.
             let seed = hash(hash(seed, u64::MAX), batch);
             samples.extend(self.some_samples(samples.len(), &spread, seed, progress)?);
@@ -264,10 +269,7 @@ impl<'a> Measure<'a> {
         let p = point(seed, k);
         let cell = spread.cell((f64::from(k) + p[0]) / points as f64);
         let patch = self.system.scene.mesh.patch(cell);
-        let at = match patch.shape() {
-            Shape::Triangle => [p[2].sqrt() * (1.0 - p[1]), p[2].sqrt() * p[1]],
-            Shape::Quad => [p[1], p[2]],
-        };
+        let at = patch.shape().uniform([p[1], p[2]]);
         let seeds = [2 * u64::from(k), 2 * u64::from(k) + 1].map(|k| hash(seed, k));
         let [first, second] = self.gathered(cell, &patch, at, seeds);
         let material = self.system.scene.material(cell);
@@ -324,9 +326,7 @@ impl<'a> Measure<'a> {
         let of = |band: usize| {
             let [mean, deviation] = self.mean_square(samples, band);
             let data = within().map(|s| s.area * s.bands[band][2].powi(2)).sum::<f64>() / samples.len().max(1) as f64;
-            // `max` would drop what is no number.
-            let total = mean + DEVIATIONS * deviation;
-            [if total < 0.0 { 0.0 } else { total.sqrt() }, data.sqrt()]
+            [root(mean + DEVIATIONS * deviation), data.sqrt()]
         };
         (0..self.solution.bands()).map(of).collect()
     }
@@ -349,5 +349,16 @@ impl<'a> Measure<'a> {
         let p = self.system.reflections(&residual, progress)?;
         let [square, product] = [&p, &residual].map(|other| self.products_within(&p, other));
         Ok(square.into_iter().zip(product).map(|(square, product)| [square, product]).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::root;
+
+    #[test]
+    fn an_estimate_that_is_no_number_is_not_0() {
+        assert!(root(f64::NAN).is_nan(), "it would pass for a tolerance that is reached");
+        assert_eq!([root(4.0), root(-1e-20)], [2.0, 0.0]);
     }
 }

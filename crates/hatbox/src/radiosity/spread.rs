@@ -12,10 +12,10 @@ pub(super) struct Spread {
 
 impl Spread {
     /// The mean of several densities, each of which counts as much as the others; those that are 0 everywhere do not count.
-    pub(super) fn of(densities: &[Vec<f64>], areas: &[f64]) -> Self {
+    pub(super) fn of(densities: &[&[f64]], areas: &[f64]) -> Self {
         let integral = |density: &[f64]| -> f64 { density.iter().zip(areas).map(|(d, area)| d * area).sum() };
-        let parts: Vec<(&Vec<f64>, f64)> =
-            densities.iter().map(|density| (density, integral(density))).filter(|&(_, sum)| sum > 0.0).collect();
+        let parts: Vec<(&[f64], f64)> =
+            densities.iter().map(|&density| (density, integral(density))).filter(|&(_, sum)| sum > 0.0).collect();
         let count = parts.len().max(1) as f64;
         let mean = |cell: usize| parts.iter().map(|(density, sum)| density[cell] / sum).sum::<f64>() / count;
         let density: Vec<f64> = (0..areas.len()).map(mean).collect();
@@ -29,6 +29,11 @@ impl Spread {
             })
             .collect();
         Self { density, ends }
+    }
+
+    /// Points per m² of each cell, relative to one in all.
+    pub(super) fn density(&self) -> &[f64] {
+        &self.density
     }
 
     /// The cell at a share of all points, from 0 to 1.
@@ -78,7 +83,7 @@ mod tests {
     #[test]
     fn points_stand_for_the_area_of_their_cells() {
         let areas = [1.0, 2.0, 4.0, 0.5];
-        let spread = Spread::of(&[vec![1.0; 4], vec![0.0, 3.0, 0.0, 1.0], vec![0.0; 4]], &areas);
+        let spread = Spread::of(&[&[1.0; 4], &[0.0, 3.0, 0.0, 1.0], &[0.0; 4]], &areas);
         let points = 100_000;
         let mut stood_for = [0.0; 4];
         for k in 0..points {

@@ -395,16 +395,13 @@ impl System {
     /// # Errors
     /// [`SolveError`].
     pub fn reflections(&self, emission: &MultiVector, progress: &dyn Progress) -> Result<MultiVector, SolveError> {
-        let reflected = |solution: &Solution| {
-            self.mass_inverse.times(&weighted_mass(&self.scene, &self.space).times(&solution.irradiance))
-        };
-        let mut once = reflected(&self.solution(emission.clone()));
         if emission.as_slice().iter().all(|&value| value == 0.0) {
             return Ok(emission.clone());
         }
         let params = solve::Params { tolerance: 1e-3, ..Default::default() };
+        let mut once = self.reflected(&self.solution(emission.clone()));
         let (again, _) = self.solve_for(&self.mass.times(&once), self.best_solver(), &params, progress)?;
-        once.add_scaled(1.0, &reflected(&again));
+        once.add_scaled(1.0, &self.reflected(&again));
         Ok(once)
     }
 
@@ -413,11 +410,16 @@ impl System {
         self.mass_inverse.times(self.load())
     }
 
+    /// Δ⁻¹ M_R e in the broken space: the irradiance of a solution, reflected.
+    fn reflected(&self, solution: &Solution) -> MultiVector {
+        self.mass_inverse.times(&weighted_mass(&self.scene, &self.space).times(&solution.irradiance))
+    }
+
     /// Δ⁻¹(b⁰ + M_R e) in the broken space: a solution of this system reflected once more.
     pub(super) fn reflected_once_more(&self, solution: &Solution) -> MultiVector {
-        let mut g = weighted_mass(&self.scene, &self.space).times(&solution.irradiance);
-        g.add_scaled(1.0, self.load());
-        self.mass_inverse.times(&g)
+        let mut g = self.reflected(solution);
+        g.add_scaled(1.0, &self.projected_emission());
+        g
     }
 
     /// b⁰ against the broken functions.
