@@ -3,8 +3,8 @@
 //! `cargo bench -p hatbox --bench scale [-- MOST [KIND]]`: every scene at every size up to MOST (1 000 000) with that kind
 //! of operator (hierarchical). `… -- SCENE ELEMENTS KIND [TOLERANCE]` is one of them. Each is run in a process of its
 //! own, so that the memory is its own. `build` makes the operator, `solve` solves, `check` estimates the error, `relight`
-//! solves again with other lamps and paints on the same operator; all in seconds. `passes` are those of the operator in
-//! the two. `CPU s` are those of the first three, of all threads. `noise` is the error of the operator from two halves of its
+//! solves again with lamps of another colour on the same operator, and `repaint` after that with other paints; all in
+//! seconds. `passes` are those of the operator in the three. `CPU s` are those of the first three, of all threads. `noise` is the error of the operator from two halves of its
 //! rays, `estimate` the estimated error of the solution. How far operators are from the dense one is the bench `operators`.
 
 mod measure;
@@ -58,7 +58,7 @@ fn main() {
 /// Every scene at every size, each in a process of its own, and the exponents between the least and the greatest size.
 fn all(most: usize, kind: &str) {
     println!(
-        "scene      kind          elements triangles   build   solve   check relight  passes   CPU s  peak MB operator   noise  estimate"
+        "scene      kind          elements triangles   build   solve   check relight repaint  passes   CPU s  peak MB operator   noise  estimate"
     );
     for scene in kinds::ALL {
         let mut measured: Vec<[f64; 3]> = Vec::new();
@@ -68,7 +68,7 @@ fn all(most: usize, kind: &str) {
             let line = String::from_utf8_lossy(&output.stdout);
             print!("{line}");
             let numbers: Vec<f64> = line.split_whitespace().filter_map(|word| word.parse().ok()).collect();
-            if let &[n, _, _, _, _, _, cpu, peak, ..] = &numbers[..] {
+            if let &[n, _, _, _, _, _, _, cpu, peak, ..] = &numbers[..] {
                 measured.push([n, cpu, peak]);
             }
         }
@@ -96,21 +96,24 @@ fn run(name: &str, elements: usize, kind: &str, tolerance: f64) {
     let (solve, cpu) = (solved.solver_time.as_secs_f64(), cpu_seconds() - cpu);
     let check = started.elapsed().as_secs_f64() - build - solve;
     let (noise, peak) = (system.operator_error(&solved.solution), peak_megabytes());
-    let started = Instant::now();
-    system
-        .set_materials(
-            scene.materials.iter().map(|material| other(material, scene.bands)).collect(),
-            options.continuity,
-        )
-        .expect("the same cells");
-    let solver = system.best_solver();
-    let (_, again) = system.solve(solver, &system.solver_params(solver), &Silent).expect("solved again");
+    let mut again = |change: &dyn Fn(usize, &Material) -> Material| {
+        let started = Instant::now();
+        let materials = system.scene.materials.iter().enumerate().map(|(k, material)| change(k, material)).collect();
+        system.set_materials(materials, options.continuity).expect("the same cells");
+        let solver = system.best_solver();
+        let (_, info) = system.solve(solver, &system.solver_params(solver), &Silent).expect("solved again");
+        (started.elapsed().as_secs_f64(), info.iterations)
+    };
+    let (relight, relit) = again(&|_, material| Material { exitance: tinted(&material.exitance), ..material.clone() });
+    let (repaint, repainted) = again(&|k, material| {
+        let darker = if k.is_multiple_of(3) { tinted(&material.reflectance) } else { material.reflectance.clone() };
+        Material { reflectance: darker, ..material.clone() }
+    });
     println!(
-        "{name:<10} {kind:<12} {:>9} {:>9} {build:>7.1} {solve:>7.1} {check:>7.1} {:>7.1} {:>7} {cpu:>7.1} {peak:>8.0} {:>8.0} {:>6.2} % {:>6.2} %",
+        "{name:<10} {kind:<12} {:>9} {:>9} {build:>7.1} {solve:>7.1} {check:>7.1} {relight:>7.1} {repaint:>7.1} {:>7} {cpu:>7.1} {peak:>8.0} {:>8.0} {:>6.2} % {:>6.2} %",
         system.space.cells(),
         scene.surfaces.len(),
-        started.elapsed().as_secs_f64(),
-        format!("{}/{}", solved.info.iterations, again.iterations),
+        format!("{}/{relit}/{repainted}", solved.info.iterations),
         solved.operator.bytes as f64 / 1e6,
         100.0 * noise,
         solved.error.map_or(0.0, |error| 100.0 * error.relative),
@@ -176,15 +179,12 @@ fn reflected(system: &System, blockers: &Bvh, sun: usize) -> Vec<f64> {
     (0..mesh.cells.len()).into_par_iter().map(facet).collect()
 }
 
-/// Another light and another paint.
-fn other(material: &Material, bands: usize) -> Material {
-    let scaled = |quantity: &Quantity, factor: f64| {
-        let values: Option<Vec<f64>> = (0..bands).map(|band| Some(factor * quantity.uniform(band)?)).collect();
-        values.map_or_else(|| quantity.clone(), Quantity::Uniform)
-    };
-    Material {
-        reflectance: scaled(&material.reflectance, 0.9),
-        exitance: scaled(&material.exitance, 2.0),
-        ..material.clone()
+/// Another colour: less of each band than of the one before.
+fn tinted(quantity: &Quantity) -> Quantity {
+    match quantity {
+        Quantity::Uniform(values) => {
+            Quantity::Uniform(values.iter().enumerate().map(|(band, value)| value * 0.8 / (1.0 + band as f64)).collect())
+        }
+        other => other.clone(),
     }
 }

@@ -116,3 +116,82 @@ fn single_blocks_are_those_of_the_operator() {
         }
     }
 }
+
+/// A sampled operator is asked for nothing it has said before.
+mod what_was_learnt {
+    use super::*;
+    use hatbox::exchange;
+    use hatbox::solve::{Info, Kind, Params};
+
+    const TOLERANCE: f64 = 1e-5;
+
+    fn system(materials: Vec<Material>) -> System {
+        let operator = exchange::kind(exchange::Sampled::NAME).expect("a kind");
+        let options = Options { operator, tolerance: 0.03, ..options() };
+        System::build(&cube(materials), &options, &Silent).expect("built")
+    }
+
+    fn repainted(system: &System, materials: Vec<Material>) -> System {
+        let mut system = system.clone();
+        system.set_materials(materials, options().continuity).expect("the same cells");
+        system
+    }
+
+    fn solved(system: &System) -> (hatbox::radiosity::Solution, Info) {
+        let params = Params { tolerance: TOLERANCE, ..Default::default() };
+        system.solve(Kind::Gmres, &params, &Silent).expect("solved")
+    }
+
+    /// Solves `materials` after what `first` knows and afresh: the passes of both, after a comparison of the solutions.
+    fn passes(first: &System, materials: Vec<Material>) -> [usize; 2] {
+        let ((again, after), (fresh, before)) =
+            (solved(&repainted(first, materials.clone())), solved(&system(materials)));
+        for (again, fresh) in [(again.radiosity, fresh.radiosity), (again.irradiance, fresh.irradiance)] {
+            assert!(difference(&again, &fresh) < 50.0 * TOLERANCE, "{}", difference(&again, &fresh));
+        }
+        [after.iterations, before.iterations]
+    }
+
+    #[test]
+    fn dimming_costs_no_pass_and_painting_fewer_than_before() {
+        let first = system(materials([0.7, 0.7, 0.2], 1.0));
+        solved(&first);
+        let [dimmed, fresh] = passes(&first, materials([0.7, 0.7, 0.2], 0.3));
+        assert!(dimmed == 0 && fresh > 4, "{dimmed} of {fresh}");
+        let [painted, fresh] = passes(&first, materials([0.6, 0.6, 0.3], 1.0));
+        assert!(painted + 1 < fresh, "{painted} of {fresh}");
+    }
+
+    /// It is handed on from light to light, and a light that was solved for is known.
+    #[test]
+    fn of_two_lights_is_known_for_a_third() {
+        let with = |floor: f64, lamp: f64| {
+            let mut materials = materials([0.7, 0.6, 0.2], lamp);
+            materials[1].exitance = Quantity::gray(floor);
+            materials
+        };
+        let first = system(with(0.0, 1.0));
+        solved(&first);
+        let second = repainted(&first, with(1.0, 0.0));
+        solved(&second);
+        let [mixed, fresh] = passes(&second, with(0.2, 0.7));
+        assert!(mixed <= 1 && fresh > 4, "{mixed} of {fresh}");
+    }
+
+    /// Where functions are joined in another way, nothing that was learnt has a meaning.
+    #[test]
+    fn is_forgotten_where_joints_change() {
+        let first = system(materials([0.5, 0.5, 0.2], 1.0));
+        solved(&first);
+        let paints = materials([0.7, 0.1, 0.2], 1.0);
+        let (again, fresh) = (solved(&repainted(&first, paints.clone())).0, solved(&system(paints)).0);
+        assert_eq!(again.radiosity, fresh.radiosity);
+    }
+
+    /// A system says the same whenever it is asked.
+    #[test]
+    fn does_not_change_what_a_system_says() {
+        let system = system(materials([0.7, 0.7, 0.2], 1.0));
+        assert_eq!(solved(&system).0.radiosity, solved(&system).0.radiosity);
+    }
+}

@@ -7,10 +7,12 @@
 
 mod block_diagonal;
 mod csr;
+mod fit;
 mod multivector;
 
 pub use block_diagonal::BlockDiagonal;
 pub use csr::Csr;
+pub(crate) use fit::fit;
 pub use multivector::MultiVector;
 pub(crate) use multivector::dot;
 

@@ -14,6 +14,7 @@ mod indicator;
 mod lossless;
 mod means;
 mod operators;
+mod products;
 mod reconstruct;
 mod residual;
 mod solution;

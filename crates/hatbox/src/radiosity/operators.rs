@@ -37,7 +37,7 @@ impl Join {
         }
     }
 
-    fn unknowns(&self, broken: usize) -> usize {
+    pub(super) fn unknowns(&self, broken: usize) -> usize {
         self.matrices.as_ref().map_or(broken, |[c, ..]| c.cols())
     }
 }
@@ -135,21 +135,28 @@ impl LinearOperator for InverseMass<'_> {
 #[derive(Clone, Copy)]
 pub(super) struct Transport<'a> {
     pub(super) join: &'a Join,
-    pub(super) exchange: &'a dyn LinearOperator,
+    /// S C.
+    pub(super) seen: &'a dyn LinearOperator,
     /// M_R Δ⁻¹.
     pub(super) reflection: &'a BlockDiagonal,
 }
 
+impl Transport<'_> {
+    /// F̂ x from S C x.
+    pub(super) fn of(&self, seen: &MultiVector) -> MultiVector {
+        self.join.collect(self.reflection.times(seen))
+    }
+}
+
 impl LinearOperator for Transport<'_> {
     fn rows(&self) -> usize {
-        self.join.unknowns(self.exchange.rows())
+        self.join.unknowns(self.seen.rows())
     }
     fn cols(&self) -> usize {
         self.rows()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        let arrived = self.exchange.times(&self.join.spread(x));
-        *y = self.join.collect(self.reflection.times(&arrived));
+        *y = self.of(&self.seen.times(x));
     }
 }
 
@@ -157,6 +164,15 @@ impl LinearOperator for Transport<'_> {
 pub(super) struct Equation<'a> {
     pub(super) mass: Mass<'a>,
     pub(super) transport: Transport<'a>,
+}
+
+impl Equation<'_> {
+    /// Δ x − F̂ x from x and S C x.
+    pub(super) fn of(&self, x: &MultiVector, seen: &MultiVector) -> MultiVector {
+        let mut y = self.mass.times(x);
+        y.add_scaled(-1.0, &self.transport.of(seen));
+        y
+    }
 }
 
 impl LinearOperator for Equation<'_> {

@@ -1,12 +1,13 @@
 use super::lossless::{lossless_band, mirrors};
 use super::operators::{Equation, InverseMass, Join, Mass, Symmetric, Transport, preconditioner};
+use super::products::{Asked, Part, Products};
 use super::{Energy, Error, Gather, MaterialsError, Solution};
 use crate::assemble::{Accuracy, Block, Panel, load, mass, weighted_mass};
 use crate::exchange::{self, Balanced, Exchange, ExchangeError, Geometry};
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
 use crate::progress::Progress;
 use crate::scene::{Material, Scene};
-use crate::solve::{self, Info, SolveError, cg, gmres, neumann};
+use crate::solve::{self, Info, SolveError, cg, gmres_to, neumann};
 use crate::space::{Continuity, FunctionSpace};
 use crate::visibility::{Bvh, Occluders};
 use std::fmt;
@@ -78,6 +79,11 @@ pub struct System {
     mass: BlockDiagonal,
     mass_inverse: BlockDiagonal,
     preconditioner: Arc<dyn LinearOperator + Send>,
+    /// Bytes that the operator may store and does not.
+    spare: usize,
+    /// What is known of a sampled S from other materials, and what the first solution with these has asked of it.
+    known: Products,
+    found: Arc<OnceLock<Products>>,
 }
 
 impl fmt::Debug for System {
@@ -115,6 +121,9 @@ impl System {
         let exchange = Balanced::new(exchange, &scene, &space, &mass, &mass_inverse, escape);
         let join = Join::of(&space, &mass);
         Ok(Self {
+            spare: params.memory.saturating_sub(exchange.statistics().bytes),
+            known: Products::default(),
+            found: Arc::default(),
             exchange: Arc::new(exchange),
             operator_time: started.elapsed(),
             operator_reason: None,
@@ -152,7 +161,9 @@ impl System {
     /// Replaces the materials, one by one, and keeps the operator: another light (new B⁰), another paint (new R).
     ///
     /// What is solved next is what a system made afresh with the same [`exchange::Params`] would solve, to the last
-    /// bit; only the functions' joints are found again, since they follow the materials.
+    /// bit; only the functions' joints are found again, since they follow the materials. If the system has been solved and its
+    /// operator is sampled, the solver begins with what it has learnt of the operator, which spares most products where
+    /// lamps are dimmed or walls painted; the solution is then the same to the solver's tolerance.
     ///
     /// # Errors
     /// [`MaterialsError`] if their number or what their sides do would change, or one of them is not physical; the system
@@ -166,16 +177,25 @@ impl System {
             return Err(MaterialsError::Geometry);
         }
         self.scene.set_materials(materials)?;
+        self.known = self.found.get().map_or_else(|| self.known.clone(), |found| found.clone().with(&self.known));
+        self.found = Arc::default();
         // The cells have elements: only the joints may differ.
-        if let Ok(space) = FunctionSpace::new(&self.scene, self.space.basis(), continuity) {
-            self.space = space;
+        match FunctionSpace::new(&self.scene, self.space.basis(), continuity) {
+            Ok(space) if space.continuity() != self.space.continuity() => self.rejoin(space),
+            _ => {}
         }
-        self.join = Join::of(&self.space, &self.mass);
-        self.preconditioner = Arc::from(preconditioner(&self.join, &self.mass_inverse));
         self.strengths = strengths(&self.scene);
         self.load = OnceLock::new();
         self.operator_time = Duration::ZERO;
         Ok(())
+    }
+
+    /// Joins functions in another way.
+    fn rejoin(&mut self, space: FunctionSpace) {
+        self.space = space;
+        self.join = Join::of(&self.space, &self.mass);
+        self.preconditioner = Arc::from(preconditioner(&self.join, &self.mass_inverse));
+        self.known = Products::default();
     }
 
     /// ‖Δ^-½ S Δ^-½‖ from below, by a few steps of Arnoldi's method.
@@ -257,7 +277,12 @@ impl System {
         params: &solve::Params,
         progress: &dyn Progress,
     ) -> Result<(Solution, Info), Error> {
-        Ok(self.solve_for(self.load(), kind, params, progress)?)
+        if self.exchange.is_symmetric() || kind == solve::Kind::Neumann {
+            return Ok(self.solve_for(self.load(), kind, params, progress)?);
+        }
+        let (solution, info, products) = self.solve_reflected(self.load(), &self.known, self.spare, params, progress)?;
+        self.found.get_or_init(|| products);
+        Ok((solution, info))
     }
 
     /// The same for another emission, given by its integrals ∫B⁰N_i against the broken functions; one column per band, or
@@ -276,44 +301,84 @@ impl System {
         params: &solve::Params,
         progress: &dyn Progress,
     ) -> Result<(Solution, Info), SolveError> {
+        match (kind, self.root_reflectance()) {
+            (solve::Kind::Cg, Some(root)) => self.solve_symmetric(load, &root, params, progress),
+            (solve::Kind::Neumann, _) => self.solve_by_bounces(load, params, progress),
+            _ => self
+                .solve_reflected(load, &Products::default(), 0, params, progress)
+                .map(|(solution, info, _)| (solution, info)),
+        }
+    }
+
+    /// Light that is reflected once, twice, …
+    fn solve_by_bounces(
+        &self,
+        load: &MultiVector,
+        params: &solve::Params,
+        progress: &dyn Progress,
+    ) -> Result<(Solution, Info), SolveError> {
+        let seen = Asked::new(&self.join, &*self.exchange, 0);
+        let reflection = self.reflection();
+        let transport = Transport { join: &self.join, seen: &seen, reflection: &reflection };
         let right_side = self.join.collect(load.clone());
-        let reflection = weighted_mass(&self.scene, &self.space).product(&self.mass_inverse);
-        let transport = Transport { join: &self.join, exchange: &*self.exchange, reflection: &reflection };
         let mut b = self.inverse_mass().times(&right_side);
-        let info = match (kind, self.root_reflectance()) {
-            (solve::Kind::Cg, Some(root)) => {
-                let symmetric = Symmetric { mass: self.joined_mass(), exchange: &*self.exchange, root: &root };
-                return self.solve_symmetric(&symmetric, &b, params, progress);
-            }
-            (solve::Kind::Neumann, _) => {
-                neumann(&self.inverse_mass(), &transport, &right_side, &mut b, params, progress)?
-            }
-            _ => {
-                // What is reflected: the residual is relative to its first bounce, however bright the lamps.
-                let first = transport.times(&b);
-                let mut reflected = MultiVector::zeros(b.rows(), b.bands());
-                let equation = Equation { mass: self.joined_mass(), transport };
-                // It is a matrix as far as the solver can tell, which checks its result.
-                let preconditioner = InverseMass { tolerance: 1e-2 * params.tolerance, ..self.inverse_mass() };
-                let info = gmres(&equation, &preconditioner, &first, &mut reflected, params, progress)?;
-                b.add_scaled(1.0, &reflected);
-                info
-            }
-        };
+        let info = neumann(&self.inverse_mass(), &transport, &right_side, &mut b, params, progress)?;
         Ok((self.solution(self.join.spread(&b).into_owned()), info))
+    }
+
+    /// By GMRES, for the light that is reflected: the residual is relative to its first bounce, however bright the lamps. It
+    /// begins with what is best of what is `known` of S, and gives what it has learnt, in so many bytes.
+    fn solve_reflected(
+        &self,
+        load: &MultiVector,
+        known: &Products,
+        bytes: usize,
+        params: &solve::Params,
+        progress: &dyn Progress,
+    ) -> Result<(Solution, Info, Products), SolveError> {
+        let seen = Asked::new(&self.join, &*self.exchange, bytes);
+        let reflection = self.reflection();
+        let transport = Transport { join: &self.join, seen: &seen, reflection: &reflection };
+        let equation = Equation { mass: self.joined_mass(), transport };
+        let mut b = self.inverse_mass().times(&self.join.collect(load.clone()));
+        let mut arrived = known.image_of(&b).unwrap_or_else(|| seen.times(&b));
+        let first = transport.of(&arrived);
+        let mut rest = first.clone();
+        if let Some(Part { x, image }) = known.best(&equation, &first) {
+            rest.add_scaled(-1.0, &equation.of(&x, &image));
+            b.add_scaled(1.0, &x);
+            arrived.add_scaled(1.0, &image);
+        }
+        let mut step = MultiVector::zeros(b.rows(), b.bands());
+        // It is a matrix as far as the solver can tell, which checks its result.
+        let preconditioner = InverseMass { tolerance: 1e-2 * params.tolerance, ..self.inverse_mass() };
+        let info = gmres_to(first.norms(), &equation, &preconditioner, &rest, &mut step, params, progress)?;
+        if info.iterations > 0 {
+            b.add_scaled(1.0, &step);
+            arrived.add_scaled(1.0, &seen.last_of(&step));
+        }
+        let solution = self.solution_of(self.join.spread(&b).into_owned(), arrived);
+        Ok((solution, info, seen.products().with(known)))
+    }
+
+    /// M_R Δ⁻¹.
+    fn reflection(&self) -> BlockDiagonal {
+        weighted_mass(&self.scene, &self.space).product(&self.mass_inverse)
     }
 
     fn solve_symmetric(
         &self,
-        symmetric: &Symmetric<'_>,
-        emission: &MultiVector,
+        load: &MultiVector,
+        root: &MultiVector,
         params: &solve::Params,
         progress: &dyn Progress,
     ) -> Result<(Solution, Info), SolveError> {
-        let emission = self.join.spread(emission).into_owned();
+        let symmetric = Symmetric { mass: self.joined_mass(), exchange: &*self.exchange, root };
+        let emission = self.inverse_mass().times(&self.join.collect(load.clone()));
+        let emission = self.join.spread(&emission).into_owned();
         let right_side = symmetric.reflected(&emission);
         let mut c = MultiVector::zeros(right_side.rows(), right_side.bands());
-        let info = cg(symmetric, &self.inverse_mass(), &right_side, &mut c, params, progress)?;
+        let info = cg(&symmetric, &self.inverse_mass(), &right_side, &mut c, params, progress)?;
         let mut radiosity = symmetric.scaled(&c);
         radiosity.add_scaled(1.0, &emission);
         Ok((self.solution(radiosity), info))
@@ -321,7 +386,12 @@ impl System {
 
     /// The solution whose radiosity has these broken coefficients.
     fn solution(&self, radiosity: MultiVector) -> Solution {
-        let mut arrived = self.exchange.times(&radiosity);
+        let arrived = self.exchange.times(&radiosity);
+        self.solution_of(radiosity, arrived)
+    }
+
+    /// The same, if `arrived` is S of it.
+    fn solution_of(&self, radiosity: MultiVector, mut arrived: MultiVector) -> Solution {
         let steady = self.exchange.steady(&radiosity);
         if let Some(steady) = &steady {
             arrived.add_scaled(-1.0, steady);

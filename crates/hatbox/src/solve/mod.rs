@@ -17,7 +17,7 @@ mod gmres;
 mod neumann;
 
 pub use cg::cg;
-pub use gmres::gmres;
+pub use gmres::{gmres, gmres_to};
 pub use neumann::neumann;
 
 use crate::linalg::{LinearOperator, MultiVector};
