@@ -21,6 +21,9 @@ const SOLVER_TOLERANCE: f64 = 1e-11;
 /// share of the operator's error, but no farther than the first of these numbers, and at least as far as the second.
 const SAMPLED_SOLVER_SHARE: f64 = 1e-2;
 const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-4];
+/// The mass matrix of joined functions is inverted to these relative residuals: beside an exact operator, and beside a sampled
+/// one, whose noise is a million times that.
+const MASS_TOLERANCES: [f64; 2] = [1e-13, 1e-10];
 /// Bounces that Neumann's iteration may take at the most.
 const MOST_BOUNCES: usize = 100_000;
 /// Steps of Arnoldi's method for the norm of the operator: an exact one costs little to apply, a sampled one has its
@@ -507,6 +510,7 @@ impl System {
     }
 
     fn inverse_mass(&self) -> InverseMass<'_> {
-        InverseMass { mass: self.joined_mass(), preconditioner: &*self.preconditioner, tolerance: 1e-13 }
+        let tolerance = MASS_TOLERANCES[usize::from(!self.exchange.is_symmetric())];
+        InverseMass { mass: self.joined_mass(), preconditioner: &*self.preconditioner, tolerance }
     }
 }
