@@ -1,7 +1,8 @@
 //! Meshes that follow the light: solve, estimate, refine, until the error is what was asked for.
 //!
 //! A round solves on the mesh at hand, estimates ‖B − B̃‖/‖B̃ − B⁰‖, and, if that is too much, refines the cells that
-//! indicate the greatest errors, as often as it is predicted to take (`marking`). Indicators are those of
+//! indicate the greatest errors, as often as it is predicted to take (`marking`); or it builds a stricter operator on the same
+//! mesh, if that is what is wrong. Indicators are those of
 //! [`local_error`](radiosity::local_error), raised where the points of the estimate saw more. Everything that the mesh decides follows by itself:
 //! elements become small where a shadow's border passes and towards the edges of rooms. Only borders narrower than the
 //! first elements are cut into them beforehand (`borders`).
@@ -24,11 +25,17 @@ use borders::with_sharp_borders;
 use marking::Marking;
 use std::time::{Duration, Instant};
 
-/// The next mesh has so many times the cells at the most: predictions reach no farther. All rounds together then cost a
-/// third more than the last one. Four times was tried: last meshes overshot what was needed.
+/// The next mesh is planned to have so many times the cells at the most: predictions reach no farther. (Neighbours that are
+/// halved with them come on top.) Where meshes double, all rounds together cost a third more than the last one. Four times was
+/// tried: last meshes overshot what was needed.
 const GROWTH: usize = 2;
 /// The operator's tolerance is no looser than this.
 const OPERATOR_LOOSEST: f64 = 0.1;
+/// If more than this of the estimate may be the operator's error, the operator is to blame, and is made so many times stricter
+/// instead of refining; unless the last time did not bring its error down to this share.
+const BLAMED: f64 = 0.6;
+const STRICTER: f64 = 3.0;
+const WORTHWHILE: f64 = 0.7;
 /// Of a residual seen at a cell's points, as much of its square is believed of the cell at least.
 const BELIEVED: f64 = 0.25;
 
@@ -105,7 +112,7 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
     if let Some(focus) = &options.focus {
         scene = in_focus(scene, focus, options);
     }
-    let (mut rounds, mut marking) = (Vec::new(), Marking::new());
+    let (mut rounds, mut marking, mut strictness) = (Vec::new(), Marking::new(), Strictness::default());
     let mut parents = Vec::new();
     loop {
         let started = Instant::now();
@@ -117,7 +124,7 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
             }
             Ok(focus.clone())
         };
-        settings.tolerance = operator_tolerance(&scene, options);
+        settings.tolerance = operator_tolerance(&scene, options) / strictness.factor;
         let system = System::of_cells(scene, &settings, progress)?;
         let (solved, estimated) = system.solved_within(&settings, options.tolerance, within, progress)?;
         let estimate = estimated.as_ref().map_or(0.0, |estimated| estimated.error.relative);
@@ -127,6 +134,10 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
         let Some(estimated) = estimated.filter(|_| too_much) else {
             return Ok(Adapted { system, solved, rounds, reached: true });
         };
+        if strictness.is_raised_for(estimated.error.operator, estimate) {
+            scene = system.scene;
+            continue;
+        }
         let squares = error_squares(&solved.solution, &estimated, importance.as_deref());
         marking.learn(&squares, &parents);
         // Predictions are pessimistic: what came was 0.7 to 0.9 of them on the sample scenes.
@@ -139,7 +150,30 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
     }
 }
 
-/// What the operator on these cells is built to. The residual sees it if it is not enough.
+/// How many times stricter the operator is than it is to begin with, and its error when that was raised last.
+struct Strictness {
+    factor: f64,
+    error: f64,
+}
+
+impl Default for Strictness {
+    fn default() -> Self {
+        Self { factor: 1.0, error: f64::INFINITY }
+    }
+}
+
+impl Strictness {
+    /// Raises it if the operator is to blame for an estimate.
+    fn is_raised_for(&mut self, operator: f64, estimate: f64) -> bool {
+        let to_blame = operator > BLAMED * estimate && operator < WORTHWHILE * self.error;
+        if to_blame {
+            *self = Self { factor: STRICTER * self.factor, error: operator };
+        }
+        to_blame
+    }
+}
+
+/// What the operator on these cells is built to, to begin with. The residual sees it if it is not enough.
 fn operator_tolerance(scene: &Scene, options: &Options) -> f64 {
     let unknowns = scene.mesh.cells.len() * options.solve.basis.triangle.dofs();
     let kind = options.solve.operator.chosen(unknowns, options.solve.memory);
