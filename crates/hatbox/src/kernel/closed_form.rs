@@ -178,7 +178,10 @@ impl Edge {
     /// ∫s/D ds = ½ ln(D₁/D₀).
     fn lambda(&self) -> f64 {
         let [s0, s1] = self.s;
-        0.5 * ((s1 - s0) * (s1 + s0) / (s0 * s0 + self.q2)).ln_1p()
+        let [d0, d1] = [s0, s1].map(|s| s * s + self.q2);
+        let growth = (s1 - s0) * (s1 + s0) / d0;
+        // Exact for short edges; where D falls to nothing, beside a corner, 1 + growth would be rounded to nothing, too.
+        if growth > -0.5 { 0.5 * growth.ln_1p() } else { 0.5 * (d1 / d0).ln() }
     }
 
     /// ∫ln D ds.
@@ -281,6 +284,27 @@ mod tests {
             let moments = Moments::new(&plane, &polygon, x, -plane.axes[2], 2);
             assert!((moments.values[0] - 1.0).abs() < 4.0 * height * height + 1e-15, "{height}");
             assert!(moments.values[3].abs() < 20.0 * height * height * (1.0 - height.ln()), "{height}");
+        }
+    }
+
+    /// A point of the wall that meets the source in an edge, a rounding error away from the edge and a billionth along
+    /// it from a corner, as creases of shadows leave them.
+    #[test]
+    fn a_receiver_beside_a_corner_gets_a_number() {
+        let plane = Plane { origin: DVec3::ZERO, axes: [DVec3::X, DVec3::Y, DVec3::Z] };
+        for corners in [[(0.0, 0.0), (18.0, 0.0), (9.0, 10.0)], [(0.0, 0.0), (-9.0, 10.0), (-18.0, 0.0)]] {
+            let polygon = corners.map(|(x, y)| DVec2::new(x, y));
+            let at = |along: f64, height: f64| {
+                let x = DVec3::new(along, -1e-14, height);
+                Moments::new(&plane, &polygon, x, DVec3::Y, 2)
+            };
+            for along in [-4e-9, -1e-12, 0.0, 1e-12, 4e-9] {
+                for height in [1e-9, 1e-14, 1e-20] {
+                    let moments = at(along, height);
+                    assert!(moments.values.iter().all(|value| value.is_finite()), "{along} {height}: {moments:?}");
+                    assert!((0.0..=0.5).contains(&moments.values[0]), "{along} {height}: {moments:?}");
+                }
+            }
         }
     }
 
