@@ -3,12 +3,14 @@
 //! `cargo bench -p hatbox --bench operators [-- SCENE [ELEMENTS [KIND [LEAST]]]]`; SCENE is a kind of `examples/generate` or the
 //! name of a file of the samples, KIND `all` for every one, LEAST the least tolerance (0.0015). The error is that of the radiosity, ‖B − B_dense‖/‖B_dense − B⁰‖ on the same mesh, and
 //! `order` is the binary logarithm of the error's ratio from one tolerance to its half: 1 where the error halves too.
+//!
+//! `… -- choice [ELEMENTS]`: for every scene what `auto` chooses and why, and the CPU seconds of building either kind.
 
 #[allow(dead_code, reason = "other benches use the rest")]
 mod measure;
 
 use hatbox::assemble::{load, mass};
-use hatbox::exchange;
+use hatbox::exchange::{self, Exchange};
 use hatbox::linalg::{LinearOperator, MultiVector};
 use hatbox::mesh::Refinement;
 use hatbox::progress::Silent;
@@ -33,6 +35,10 @@ fn main() {
         Some(name) => vec![name],
         None => kinds::ALL.iter().map(|kind| kind.name).chain(SAMPLES).collect(),
     };
+    if names == ["choice"] {
+        kinds::ALL.iter().map(|kind| kind.name).chain(SAMPLES).for_each(|name| choice(name, elements));
+        return;
+    }
     let least = arguments.get(3).map_or(LEAST, |text| text.parse().expect("a number"));
     println!("scene           kind         elements  tolerance    CPU s      MB     error  estimate  order");
     for name in names {
@@ -40,17 +46,35 @@ fn main() {
     }
 }
 
-/// One scene.
-fn compare(name: &str, elements: usize, only: Option<&str>, least: f64) {
-    let faces = if name == "terrain" { elements } else { elements / SUBDIVIDED };
-    let scene = scene(name, faces);
-    let options = |kind: &str, tolerance: f64| Options {
+/// What `auto` chooses for a scene, and what either kind takes.
+fn choice(name: &str, elements: usize) {
+    let scene = scene(name, if name == "terrain" { elements } else { elements / SUBDIVIDED });
+    let build = |kind: &str| {
+        let (options, before) = (options(kind, elements, Options::default().tolerance), cpu_seconds());
+        let system = System::build(&scene, &options, &Silent).expect("built");
+        (system, cpu_seconds() - before)
+    };
+    let (auto, _) = build(exchange::AUTO.name);
+    let [dense, sampled] = [exchange::Dense::NAME, exchange::Sampled::NAME].map(|kind| build(kind).1);
+    let (cells, kind, why) = (auto.space.cells(), auto.exchange.kind(), auto.operator_reason.unwrap_or_default());
+    println!("{name:<15} {cells:>6} dense {dense:>7.2} s, sampled {sampled:>6.2} s; {kind}: {why}");
+}
+
+fn options(kind: &str, elements: usize, tolerance: f64) -> Options {
+    Options {
         operator: exchange::kind(kind).expect("a kind"),
         refinement: Refinement::Elements(elements),
         tolerance,
         error_points: 0,
         ..Options::default()
-    };
+    }
+}
+
+/// One scene.
+fn compare(name: &str, elements: usize, only: Option<&str>, least: f64) {
+    let faces = if name == "terrain" { elements } else { elements / SUBDIVIDED };
+    let scene = scene(name, faces);
+    let options = |kind: &str, tolerance: f64| options(kind, elements, tolerance);
     let best = if elements <= FEW { exchange::Dense::NAME } else { exchange::Sampled::NAME };
     let dense = run(&scene, &Options { seed: 1, ..options(best, TRUTH) });
     println!("{name:<15} {best:<12} {:>8}  {:>7.3} %  {:>7.2}", dense.cells(), 100.0 * TRUTH, dense.seconds);

@@ -34,7 +34,7 @@ fn options(kind: &'static Kind, basis: &'static Basis) -> Options {
     Options { operator: kind, basis, refinement, tolerance: TOLERANCE, error_points: 0, ..Options::default() }
 }
 
-fn system(scene: &Scene, kind: &Kind, basis: &'static Basis, strengths: &dyn Fn(usize) -> f64) -> System {
+fn system(scene: &Scene, kind: &'static Kind, basis: &'static Basis, strengths: &dyn Fn(usize) -> f64) -> System {
     let scene = scene.refined(Refinement::Elements(200), basis).expect("refined");
     let space = FunctionSpace::new(&scene, basis, Continuity::named("continuous").expect("a name")).expect("elements");
     let strengths =

@@ -4,12 +4,13 @@
 mod kinds;
 
 use hatbox::check::Lighting;
-use hatbox::exchange;
+use hatbox::exchange::{self, Problem};
 use hatbox::io::read_scene;
 use hatbox::mesh::Refinement;
 use hatbox::progress::Silent;
 use hatbox::radiosity::{Options, solve};
 use hatbox::scene::Scene;
+use hatbox::visibility::Bvh;
 
 fn scene(kind: &kinds::Kind, elements: usize) -> (Scene, bool) {
     let model = (kind.make)(elements);
@@ -59,5 +60,29 @@ fn every_kind_is_solved_by_rays() {
         assert_eq!(solved.closure.balanced, closed, "{}", kind.name);
         assert!(solved.operator_norm < 1.05, "{}: {}", kind.name, solved.operator_norm);
         assert!(solved.energy.defect() < 1e-5, "{}: {}", kind.name, solved.energy.defect());
+    }
+}
+
+/// Among many small things all pairs take minutes, in an empty room seconds, and none where memory is short.
+#[test]
+fn rays_are_chosen_where_much_is_partly_hidden() {
+    let clutter = scene(kinds::ALL.iter().find(|kind| kind.name == "clutter").expect("a kind"), 500).0;
+    let cube = read_scene(std::path::Path::new("../../scenes/cube.toml")).expect("a sample").0;
+    let chosen = |scene: &Scene, elements: usize, memory: usize| {
+        let scene = scene.refined(Refinement::Elements(elements), Options::default().basis).expect("refined");
+        let blockers = Bvh::of_surfaces(&scene.surfaces);
+        let coefficients = 3 * scene.mesh.cells.len();
+        exchange::choose(&Problem { scene: &scene, blockers: &blockers, coefficients, tolerance: 0.01, memory })
+    };
+    for (scene, elements, memory, expected, word) in [
+        (&clutter, 4000, 8 << 30, exchange::Sampled::NAME, "partly hidden"),
+        (&clutter, 600, 8 << 30, exchange::Dense::NAME, "partly hidden"),
+        (&cube, 4000, 8 << 30, exchange::Dense::NAME, "0 % of them partly hidden"),
+        (&cube, 4000, 1 << 20, exchange::Sampled::NAME, "MB allowed"),
+        (&cube, 60_000, 400 << 30, exchange::Sampled::NAME, "CPU seconds, rays"),
+    ] {
+        let (kind, why) = chosen(scene, elements, memory);
+        assert_eq!(kind.name, expected, "{elements} {memory}: {why}");
+        assert!(why.contains(word), "{why}");
     }
 }

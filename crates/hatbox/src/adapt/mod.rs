@@ -16,11 +16,13 @@ mod marking;
 
 pub use focus::{Focus, NothingInFocus};
 
+use crate::exchange::Problem;
 use crate::mesh::Refinement;
 use crate::progress::Progress;
 use crate::radiosity::{self, Error, Estimated, Solution, Solved, System};
 use crate::scene::Scene;
 use crate::solve::SolveError;
+use crate::visibility::Bvh;
 use borders::with_sharp_borders;
 use marking::Marking;
 use std::time::{Duration, Instant};
@@ -112,21 +114,17 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
     if let Some(focus) = &options.focus {
         scene = in_focus(scene, focus, options);
     }
+    let blockers = Bvh::of_surfaces(&scene.surfaces);
     let (mut rounds, mut marking, mut strictness) = (Vec::new(), Marking::new(), Strictness::default());
     let mut parents = Vec::new();
     loop {
         let started = Instant::now();
-        let focus = options.focus.as_ref().map(|focus| focus.cells(&scene));
-        let mut importance = None;
-        let within = |system: &System, solution: &Solution| -> Result<_, SolveError> {
-            if let Some(cells) = &focus {
-                importance = Some(focus::importance(system, solution, cells, progress)?);
-            }
-            Ok(focus.clone())
-        };
-        settings.tolerance = operator_tolerance(&scene, options) / strictness.factor;
-        let system = System::of_cells(scene, &settings, progress)?;
-        let (solved, estimated) = system.solved_within(&settings, options.tolerance, within, progress)?;
+        let asked = options.tolerance / strictness.factor;
+        let (kind, why) = options.solve.operator.chosen(&problem(&scene, &blockers, options, asked));
+        (settings.operator, settings.tolerance) = (kind, (kind.looseness * asked).min(OPERATOR_LOOSEST));
+        let mut system = System::of_cells(scene, &settings, progress)?;
+        system.operator_reason = why;
+        let Found { solved, estimated, importance } = solved_in_focus(&system, &settings, options, progress)?;
         let estimate = estimated.as_ref().map_or(0.0, |estimated| estimated.error.relative);
         let elements = solved.solution.space.cells();
         rounds.push(Round { elements, unknowns: solved.unknowns, estimate, time: started.elapsed() });
@@ -148,6 +146,32 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
             None => return Ok(Adapted { system, solved, rounds, reached: false }),
         }
     }
+}
+
+/// What a round has found, and how much the error of each cell counts, if not alike.
+struct Found {
+    solved: Solved,
+    estimated: Option<Estimated>,
+    importance: Option<Vec<f64>>,
+}
+
+/// Solves, and estimates the error where it counts.
+fn solved_in_focus(
+    system: &System,
+    settings: &radiosity::Options,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Found, Error> {
+    let mut importance = None;
+    let within = |system: &System, solution: &Solution| -> Result<_, SolveError> {
+        let cells = options.focus.as_ref().map(|focus| focus.cells(&system.scene));
+        if let Some(cells) = &cells {
+            importance = Some(focus::importance(system, solution, cells, progress)?);
+        }
+        Ok(cells)
+    };
+    let (solved, estimated) = system.solved_within(settings, options.tolerance, within, progress)?;
+    Ok(Found { solved, estimated, importance })
 }
 
 /// How many times stricter the operator is than it is to begin with, and its error when that was raised last.
@@ -173,11 +197,10 @@ impl Strictness {
     }
 }
 
-/// What the operator on these cells is built to, to begin with. The residual sees it if it is not enough.
-fn operator_tolerance(scene: &Scene, options: &Options) -> f64 {
-    let unknowns = scene.mesh.cells.len() * options.solve.basis.triangle.dofs();
-    let kind = options.solve.operator.chosen(unknowns, options.solve.memory);
-    (kind.looseness * options.tolerance).min(OPERATOR_LOOSEST)
+/// What an operator is to be chosen for.
+fn problem<'a>(scene: &'a Scene, blockers: &'a Bvh, options: &Options, tolerance: f64) -> Problem<'a> {
+    let coefficients = scene.mesh.cells.len() * options.solve.basis.triangle.dofs();
+    Problem { scene, blockers, coefficients, tolerance, memory: options.solve.memory }
 }
 
 /// The next mesh, and the cell that each of its cells is a piece of; `None` if there is no error to refine for (what is

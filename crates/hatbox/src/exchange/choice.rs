@@ -1,52 +1,114 @@
-//! Which kind of operator suits a problem.
+//! Which kind of operator suits a problem: what all pairs would cost, against what rays would.
+//!
+//! A pair of cells that see each other fully takes a microsecond; one with something between a hundred, since what is visible
+//! is cut out (36 in the Cornell box, 170 among furniture, 600 in a city, where the sky counts more). How many of these there
+//! are is asked of some pairs with a few segments each. A limit of coefficients alone was tried: 3000 elements among small
+//! things take 97 seconds for what rays do in two, and as many in an empty room take three.
 
-use super::{ALL, Dense, Geometry, Kind, Params, Sampled};
+use super::{ALL, Dense, Kind, Sampled, sampled};
+use crate::mesh::{Mesh, Patch};
+use crate::quadrature::sequence::{hash, point, unit};
+use crate::scene::Scene;
+use crate::visibility::{Bvh, Visibility};
+use glam::DVec3;
+use rayon::prelude::*;
 
-/// The greatest number of unknowns for which all pairs are integrated: beyond, the time of the sampled operator is a
-/// fraction of the dense one's for the same error.
-const MOST_DENSE: usize = 20_000;
+/// CPU seconds of a pair of linear cells that is clear, of one that is partly hidden, and of a ray with all that is done with it
+/// (`cargo bench -p hatbox --bench operators -- choice`).
+const CLEAR: f64 = 0.7e-6;
+const PARTIAL: f64 = 100e-6;
+const RAY: f64 = 1e-6;
+/// All pairs, which leave no noise, are worth so many CPU seconds.
+const PATIENCE: f64 = 25.0;
+/// Pairs that are looked at, and segments between the cells of each.
+const PAIRS: u32 = 2048;
+const SEGMENTS: u32 = 8;
 
 /// What [`choose`] chooses, made when the space is known.
 pub static AUTO: Kind = Kind {
     name: "auto",
-    summary: "what suits the number of unknowns and the memory",
+    summary: "all pairs if they take few seconds or less than rays, and fit into the memory; else rays",
     looseness: 1.0,
-    build: |geometry: &Geometry<'_>, params: &Params, progress| {
-        let (kind, _) = choose(geometry.space.broken_dofs(), params.memory);
-        (kind.build)(geometry, params, progress)
+    build: |geometry, params, progress| {
+        let problem = Problem {
+            scene: geometry.scene,
+            blockers: geometry.blockers,
+            coefficients: geometry.space.broken_dofs(),
+            tolerance: params.tolerance,
+            memory: params.memory,
+        };
+        (choose(&problem).0.build)(geometry, params, progress)
     },
 };
 
-/// The kind for so many unknowns of the broken space and at most `memory` bytes to store, and why.
-pub fn choose(unknowns: usize, memory: usize) -> (&'static Kind, String) {
+/// What is to be solved.
+#[derive(Debug, Clone, Copy)]
+pub struct Problem<'a> {
+    /// The scene, subdivided.
+    pub scene: &'a Scene,
+    /// The faces of the input.
+    pub blockers: &'a Bvh,
+    /// Coefficients of the broken space.
+    pub coefficients: usize,
+    /// The relative error that rays may have.
+    pub tolerance: f64,
+    /// Bytes that the operator may store.
+    pub memory: usize,
+}
+
+/// The kind for a problem, and why.
+pub fn choose(problem: &Problem<'_>) -> (&'static Kind, String) {
     let named = |name| ALL.iter().find(|kind| kind.name == name).unwrap_or(&ALL[0]);
-    let bytes = Dense::bytes(unknowns);
-    if unknowns > MOST_DENSE {
-        let why = format!("{unknowns} coefficients are more than the {MOST_DENSE} for which all pairs are integrated");
-        (named(Sampled::NAME), why)
-    } else if bytes > memory {
-        let [needed, allowed] = [bytes, memory].map(|bytes| bytes.div_ceil(1_000_000));
-        (named(Sampled::NAME), format!("all pairs would take {needed} MB, more than the {allowed} MB allowed"))
+    let bytes = Dense::bytes(problem.coefficients);
+    if bytes > problem.memory {
+        let [needed, allowed] = [bytes, problem.memory].map(|bytes| bytes.div_ceil(1_000_000));
+        return (named(Sampled::NAME), format!("all pairs would take {needed} MB, more than the {allowed} MB allowed"));
+    }
+    let mesh = &problem.scene.mesh;
+    let pairs = 0.5 * (mesh.cells.len() as f64).powi(2);
+    let [clear, partial] = shares(mesh, problem.blockers);
+    let entries = (problem.coefficients as f64 / mesh.cells.len() as f64 / 3.0).powi(2);
+    let all_pairs = pairs * (CLEAR * entries * clear + PARTIAL * partial);
+    let rays = RAY * mesh.cells.len() as f64 * f64::from(sampled::rays_for(problem.tolerance, 1.0));
+    let [seconds, with_rays] = [all_pairs, rays].map(|seconds| format!("{:.0} CPU seconds", seconds.max(1.0)));
+    let hidden = format!("{:.0} % of them partly hidden", 100.0 * partial);
+    if all_pairs <= PATIENCE.max(rays) {
+        (named(Dense::NAME), format!("all pairs, {hidden}, take about {seconds}"))
     } else {
-        (named(Dense::NAME), format!("all pairs of {unknowns} coefficients are affordable"))
+        (named(Sampled::NAME), format!("all pairs, {hidden}, would take about {seconds}, rays {with_rays}"))
     }
 }
 
 impl Kind {
-    /// The kind itself, or if it is [`AUTO`] the one that it [chooses](choose).
-    pub fn chosen(&'static self, unknowns: usize, memory: usize) -> &'static Self {
-        if self.name == AUTO.name { choose(unknowns, memory).0 } else { self }
+    /// The kind itself, or if it is [`AUTO`] the one that it [chooses](choose), and why.
+    pub fn chosen(&'static self, problem: &Problem<'_>) -> (&'static Self, Option<String>) {
+        if self.name != AUTO.name {
+            return (self, None);
+        }
+        let (kind, why) = choose(problem);
+        (kind, Some(why))
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn few_unknowns_are_dense_unless_memory_is_short() {
-        assert_eq!(choose(9_000, 1 << 30).0.name, Dense::NAME);
-        assert_eq!(choose(9_000, 1 << 20).0.name, Sampled::NAME);
-        assert_eq!(choose(3_000_000, 1 << 40).0.name, Sampled::NAME);
-    }
+/// Of all pairs of cells, the shares of those that see each other and of those that something hides a part of, as some of
+/// them have it.
+fn shares(mesh: &Mesh, blockers: &Bvh) -> [f64; 2] {
+    let cells = mesh.cells.len() as f64;
+    let look = |pair: u32| -> [u32; 2] {
+        let [i, j] = [0, 1].map(|end| (unit(hash(end, u64::from(pair))) * cells) as usize);
+        let [a, b] = [i, j].map(|cell| mesh.patch(cell));
+        let sees = |from: &Patch, to: DVec3| from.normal().dot(to - from.center()) > 0.0;
+        let surfaces = [i, j].map(|cell| mesh.cells[cell].surface);
+        let segment = |k: u32| {
+            let [u, v, s, t] = point(hash(2, u64::from(pair)), k);
+            let (x, y) = (a.point(a.shape().uniform([u, v])), b.point(b.shape().uniform([s, t])));
+            let faces = sees(&a, y) && sees(&b, x);
+            faces.then(|| blockers.occluded(x, y, surfaces))
+        };
+        let found: Vec<bool> = (0..SEGMENTS).filter_map(segment).collect();
+        let [free, hidden] = [false, true].map(|hidden| found.contains(&hidden));
+        [u32::from(free && !hidden), u32::from(free && hidden)]
+    };
+    let sums = (0..PAIRS).into_par_iter().map(look).reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+    sums.map(|sum| f64::from(sum) / f64::from(PAIRS))
 }

@@ -14,7 +14,7 @@ mod sampled;
 mod sealed;
 mod tree;
 
-pub use choice::{AUTO, choose};
+pub use choice::{AUTO, Problem, choose};
 pub use closure::{Balanced, Closure, escape, escapes};
 pub use dense::{Dense, PointRow, RowFacts, Views};
 pub use hierarchical::Hierarchical;
@@ -218,7 +218,7 @@ pub struct Kind {
 pub const ALL: &[Kind] = &[
     Kind {
         name: Dense::NAME,
-        summary: "all pairs, stored; the reference, up to about 20 000 unknowns",
+        summary: "all pairs, stored; the reference, without noise, up to about 20 000 unknowns",
         looseness: 5.0,
         build: |geometry, params, progress| Ok(Box::new(Dense::new(geometry, params, progress)?)),
     },

@@ -186,10 +186,7 @@ impl System {
             memory: options.memory,
             ..exchange::Params::new(options.tolerance)
         };
-        let operator_reason = (options.operator.name == exchange::AUTO.name)
-            .then(|| exchange::choose(space.broken_dofs(), options.memory).1);
         let mut system = Self::new(scene, space, options.operator, &params, progress)?;
-        system.operator_reason = operator_reason;
         system.operator_time = started.elapsed();
         Ok(system)
     }

@@ -71,7 +71,7 @@ pub struct System {
     /// Time to build it; nothing in new materials.
     pub operator_time: Duration,
     /// Why that kind of operator was chosen, if it was not asked for.
-    pub(super) operator_reason: Option<String>,
+    pub operator_reason: Option<String>,
     panels: Arc<OnceLock<Vec<Panel>>>,
     blockers: Arc<Bvh>,
     occluders: Arc<OnceLock<Occluders>>,
@@ -104,7 +104,7 @@ impl System {
     pub fn new(
         scene: Scene,
         space: FunctionSpace,
-        kind: &exchange::Kind,
+        kind: &'static exchange::Kind,
         params: &exchange::Params,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
@@ -116,6 +116,13 @@ impl System {
         if let Some(band) = lossless_band(&geometry, params.seed, progress).map_err(ExchangeError::from)? {
             return Err(Error::Lossless { band, materials: mirrors(&scene, band) });
         }
+        let (kind, operator_reason) = kind.chosen(&exchange::Problem {
+            scene: &scene,
+            blockers: &blockers,
+            coefficients: space.broken_dofs(),
+            tolerance: params.tolerance,
+            memory: params.memory,
+        });
         let exchange = (kind.build)(&geometry, params, progress)?;
         let escape = match exchange.escape() {
             Some(escape) => escape,
@@ -129,7 +136,7 @@ impl System {
             found: Arc::default(),
             exchange: Arc::new(exchange),
             operator_time: started.elapsed(),
-            operator_reason: None,
+            operator_reason,
             occluders: Arc::default(),
             strengths: params.strengths.clone(),
             load: OnceLock::new(),

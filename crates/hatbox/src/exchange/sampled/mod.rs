@@ -326,7 +326,7 @@ fn unlinked(cells: &Cells, linked: &[f64]) -> f64 {
 }
 
 /// Rays of a cell for a tolerance, if they bring such a share of the light: a power of two, so that they are a net.
-fn rays_for(tolerance: f64, share: f64) -> u32 {
+pub(super) fn rays_for(tolerance: f64, share: f64) -> u32 {
     let wanted = (ERROR_OF_ONE * share / tolerance).powf(1.5);
     (wanted.clamp(f64::from(RAYS[0]), f64::from(RAYS[1])).ceil() as u32).next_power_of_two()
 }
