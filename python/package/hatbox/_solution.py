@@ -74,7 +74,7 @@ class ErrorEstimate:
     residual: float
     """The relative residual of the equation at points that the solver never saw."""
     propagated: float
-    """What the residual causes elsewhere by reflection; the estimate is the sum of the two."""
+    """What the residual causes elsewhere by reflection. The estimate is the norm of the sum of the two functions."""
     data: float
     """Of the residual, what textures lose by projection."""
     discretisation: float

@@ -177,17 +177,22 @@ fn focus() -> Result<()> {
         println!("focus:");
         row.print(goal);
         println!("whole scene:");
-        // The tolerance of the focus is far too much for the whole: the dark room has little of the light.
-        for k in 2..9 {
+        let mut coarser: Option<[f64; 2]> = None;
+        for k in 0..9 {
             let row = Row::adaptive(&scene, &ALL[1], tolerance / 1.5_f64.powi(k), None)?;
-            let error = truth.error(&row.solved.solution);
+            let (error, found) = (truth.error(&row.solved.solution), row.solved.unknowns as f64);
             row.print(error);
             if error <= goal {
-                println!("{:.1} times the unknowns", row.solved.unknowns as f64 / unknowns as f64);
+                // At the same error, between this mesh and the one before: powers join them.
+                let at_goal = coarser.map_or(found, |[before, fewer]| {
+                    fewer * (found / fewer).powf((before / goal).ln() / (before / error).ln())
+                });
+                println!("{:.1} times the unknowns", at_goal / unknowns as f64);
             }
             if error <= goal || !row.reached {
                 break;
             }
+            coarser = Some([error, found]);
         }
     }
     Ok(())

@@ -14,7 +14,8 @@ const REDUCTION: f64 = 0.25;
 const LEARNT: [f64; 2] = [1.0 / 32.0, 0.5];
 /// A cell is refined so many times in a round at the most.
 const MOST_LEVELS: u8 = 2;
-/// A round adds one in so many cells at the least: it costs as much as the last, and what is predicted may not come.
+/// There is one more cell for so many at the least after a round: it costs as much as the last, and what is predicted may not
+/// come. (A guess: with less, rounds crept where three made up for what two were predicted to do.)
 const LEAST_GROWTH: usize = 8;
 /// What refining a cell makes of it.
 const PIECES: usize = 4;
@@ -84,7 +85,7 @@ impl Marking {
     }
 
     /// How many times each cell is to be refined, for the sum of the squares to be at most `goal` times what it is, or for
-    /// there to be about as many cells as there may be; at least one in [`LEAST_GROWTH`] is refined, where there is any error.
+    /// there to be about as many cells as there may be; cells grow by one in [`LEAST_GROWTH`] at the least, where there is any error.
     pub(super) fn levels(&self, squares: &[f64], goal: f64, most_cells: usize) -> Vec<u8> {
         let mut sum: f64 = squares.iter().sum();
         let (target, mut cells) = (goal * sum, squares.len());

@@ -206,9 +206,10 @@ pub struct Kind {
     pub name: &'static str,
     /// One line for help and documentation.
     pub summary: &'static str,
-    /// Its tolerance for a solution whose error is to be 1. What a dense operator keeps to is the worst row, as if all errors
-    /// were of one sign: what is left of it in a solution is far less. The error of rays is what they are asked for, or half
-    /// of it (`cargo bench -p hatbox --bench operators`). That of `auto` is that of the kind it [chooses](Self::chosen).
+    /// Its tolerance for a solution whose error is to be 1, to begin with. What a dense operator keeps to is the worst row, as
+    /// if all errors were of one sign: what is left of it in a solution is mostly far less (where it is not, solving to a
+    /// tolerance makes it stricter). The error of rays is a third to a half of what they are asked for
+    /// (`cargo bench -p hatbox --bench operators`). That of `auto` is that of the kind it [chooses](Self::chosen).
     pub looseness: f64,
     /// Builds it.
     pub build: Build,

@@ -53,7 +53,8 @@ pub struct ErrorEstimate {
     pub relative: f64,
     /// ‖r‖/‖B̃ − B⁰‖, with three standard errors of its sampling.
     pub residual: f64,
-    /// ‖p‖/‖B̃ − B⁰‖, what the residual causes by reflection, as far as it is seen by the points.
+    /// ‖p‖/‖B̃ − B⁰‖, what the residual causes by reflection, as far as the broken space or means over parts of the scene know
+    /// it.
     pub propagated: f64,
     /// Of the residual, what textures and given functions lose by projection.
     pub data: f64,
@@ -84,7 +85,7 @@ pub struct Estimated {
 #[derive(Debug, Clone, Copy)]
 pub struct Sampling<'a> {
     /// Number of points to begin with: there are up to sixteen times as many where r² scatters, until three standard errors
-    /// are less than a third of its mean.
+    /// are less than 0.3 of its mean.
     pub points: usize,
     /// The relative error that is wanted: where it is surely more, nothing is to be gained from more points. 0 if any
     /// answer is.
@@ -133,7 +134,7 @@ pub fn estimate_error(
         residual: worst(&residual),
         propagated: worst(&caused),
         data: worst(&data),
-        discretisation: worst(&|band| (residual(band).powi(2) - data(band).powi(2)).max(0.0).sqrt()),
+        discretisation: worst(&|band| root(residual(band).powi(2) - data(band).powi(2))),
         absorption: -(0..solution.bands()).map(absorption).fold(-1.0, greater),
         operator: system.operator_error(solution),
         solver: info.residual,
@@ -142,7 +143,7 @@ pub fn estimate_error(
 }
 
 /// The greater of two numbers; no number at all, if one of them is none.
-fn greater(a: f64, b: f64) -> f64 {
+pub(super) fn greater(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
 }
 

@@ -1,6 +1,7 @@
 use super::lossless::{lossless_band, mirrors};
 use super::operators::{Equation, InverseMass, Join, Mass, Symmetric, Transport, preconditioner};
 use super::products::{Asked, Part, Products};
+use super::residual::greater;
 use super::{Energy, Error, Gather, MaterialsError, Solution};
 use crate::assemble::{Accuracy, Block, Panel, load, mass, weighted_mass};
 use crate::exchange::{self, Balanced, Exchange, ExchangeError, Geometry};
@@ -238,8 +239,8 @@ impl System {
         let mut light = self.reflected_once_more(solution);
         light.add_scaled(-1.0, &self.projected_emission());
         let norms = |x: &MultiVector| x.dot(&self.mass.times(x));
-        let relative = |(error, norm): (f64, f64)| if norm > 0.0 { (error / norm).sqrt() } else { 0.0 };
-        norms(&self.operator_spread(solution)).into_iter().zip(norms(&light)).map(relative).fold(0.0, f64::max)
+        let relative = |(error, norm): (f64, f64)| if norm == 0.0 { 0.0 } else { (error / norm).sqrt() };
+        norms(&self.operator_spread(solution)).into_iter().zip(norms(&light)).map(relative).fold(0.0, greater)
     }
 
     /// A function as large as the error of the reflected light that the operator makes, in the broken space.
