@@ -46,6 +46,9 @@ def _hatbox(job: Lit, quick: bool) -> Iterator[Row]:
     for elements in () if quick else (100, 250, 500):
         options = {"direct": True, "basis": "quadratic", "elements": elements, "error_points": 0}
         yield _row(job, "quadratic, direct light", f"{elements} elements", **options)  # type: ignore[arg-type]
+    for elements in () if quick else (200, 300, 1000):
+        options = {"direct": True, "operator": "sampled", "elements": elements, "error_points": 0}
+        yield _row(job, "by rays, direct light", f"{elements} elements", **options)  # type: ignore[arg-type]
     for basis, elements in meshes:
         yield _row(job, basis, f"{elements} elements", basis=basis, elements=elements, error_points=0)
 

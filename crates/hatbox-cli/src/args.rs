@@ -350,7 +350,7 @@ fn continuities() -> PossibleValuesParser {
 }
 
 fn operators() -> PossibleValuesParser {
-    let auto = (options::AUTO, "what suits the number of unknowns");
+    let auto = (exchange::AUTO.name, exchange::AUTO.summary);
     names([auto].into_iter().chain(exchange::ALL.iter().map(|kind| (kind.name, kind.summary))))
 }
 

@@ -182,9 +182,9 @@ fn reflected(system: &System, blockers: &Bvh, sun: usize) -> Vec<f64> {
 /// Another colour: less of each band than of the one before.
 fn tinted(quantity: &Quantity) -> Quantity {
     match quantity {
-        Quantity::Uniform(values) => {
-            Quantity::Uniform(values.iter().enumerate().map(|(band, value)| value * 0.8 / (1.0 + band as f64)).collect())
-        }
+        Quantity::Uniform(values) => Quantity::Uniform(
+            values.iter().enumerate().map(|(band, value)| value * 0.8 / (1.0 + band as f64)).collect(),
+        ),
         other => other.clone(),
     }
 }

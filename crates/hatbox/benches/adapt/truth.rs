@@ -8,6 +8,7 @@ use crate::Result;
 use glam::DVec3;
 use hatbox::adapt;
 use hatbox::element::ALL;
+use hatbox::exchange::{self, Dense};
 use hatbox::probe::Probe;
 use hatbox::progress::Silent;
 use hatbox::quadrature::sequence::{hash, point};
@@ -48,7 +49,12 @@ impl Truth {
     pub(crate) fn gathered(scene: &Scene) -> Result<Self> {
         let defaults = adapt::Options::default();
         let options = adapt::Options {
-            solve: Options { basis: &ALL[3], ..defaults.solve },
+            // No noise is the truth.
+            solve: Options {
+                basis: &ALL[3],
+                operator: exchange::kind(Dense::NAME).ok_or("no dense operator")?,
+                ..defaults.solve
+            },
             tolerance: FINE,
             most_coefficients: 12_000,
             ..defaults

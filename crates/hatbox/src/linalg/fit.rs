@@ -85,9 +85,8 @@ mod tests {
 
     #[test]
     fn a_combination_is_found_and_what_depends_on_others_does_no_harm() {
-        let sum = |a: f64, b: f64| -> Vec<f64> {
-            column(0).into_iter().zip(column(1)).map(|(x, y)| a * x + b * y).collect()
-        };
+        let sum =
+            |a: f64, b: f64| -> Vec<f64> { column(0).into_iter().zip(column(1)).map(|(x, y)| a * x + b * y).collect() };
         let columns = [one(column(0)), one(sum(1.0, 1e-3)), one(column(1)), one(vec![0.0; 50_000])];
         let target = one(sum(2.0, -3.0));
         let [y] = &fit(&columns, &target)[..] else { panic!("one band") };

@@ -291,7 +291,8 @@ impl System {
         if self.exchange.is_symmetric() || kind == solve::Kind::Neumann {
             return Ok(self.solve_for(self.load(), kind, params, progress)?);
         }
-        let (solution, info, products) = self.solve_reflected(self.load(), &self.known, self.spare, params, progress)?;
+        let (solution, info, products) =
+            self.solve_reflected(self.load(), &self.known, self.spare, params, progress)?;
         self.found.get_or_init(|| products);
         Ok((solution, info))
     }
