@@ -36,7 +36,7 @@ const OPERATOR_LOOSEST: f64 = 0.1;
 /// If more than this of the estimate may be the operator's error, the operator is to blame, and is made so many times stricter
 /// instead of refining; unless the last time did not bring its error down to this share.
 const BLAMED: f64 = 0.6;
-const STRICTER: f64 = 3.0;
+const STRICTER: f64 = 2.0;
 const WORTHWHILE: f64 = 0.7;
 /// Of a residual seen at a cell's points, as much of its square is believed of the cell at least.
 const BELIEVED: f64 = 0.25;

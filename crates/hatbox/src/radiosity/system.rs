@@ -58,6 +58,30 @@ fn greatest_reflectance(scene: &Scene) -> f64 {
     (0..scene.mesh.cells.len()).map(of).fold(0.0, f64::max)
 }
 
+/// S, balanced, and why it is of that kind, if it was chosen.
+fn operator(
+    geometry: &Geometry<'_>,
+    kind: &'static exchange::Kind,
+    params: &exchange::Params,
+    [mass, mass_inverse]: [&BlockDiagonal; 2],
+    progress: &dyn Progress,
+) -> Result<(Balanced, Option<String>), ExchangeError> {
+    let (scene, space) = (geometry.scene, geometry.space);
+    let (kind, reason) = kind.chosen(&exchange::Problem {
+        scene,
+        blockers: geometry.blockers,
+        coefficients: space.broken_dofs(),
+        tolerance: params.tolerance,
+        memory: params.memory,
+    });
+    let exchange = (kind.build)(geometry, params, progress)?;
+    let escape = match exchange.escape() {
+        Some(escape) => escape,
+        None => exchange::escape(geometry, params.seed, progress)?,
+    };
+    Ok((Balanced::new(exchange, scene, space, mass, mass_inverse, escape), reason))
+}
+
 /// What does not depend on the light: a space on a scene, its mass matrix and its exchange operator.
 ///
 /// Clones share the operator: [`set_materials`](Self::set_materials) on one of them makes another light beside the first.
@@ -117,19 +141,7 @@ impl System {
         if let Some(band) = lossless_band(&geometry, params.seed, progress).map_err(ExchangeError::from)? {
             return Err(Error::Lossless { band, materials: mirrors(&scene, band) });
         }
-        let (kind, operator_reason) = kind.chosen(&exchange::Problem {
-            scene: &scene,
-            blockers: &blockers,
-            coefficients: space.broken_dofs(),
-            tolerance: params.tolerance,
-            memory: params.memory,
-        });
-        let exchange = (kind.build)(&geometry, params, progress)?;
-        let escape = match exchange.escape() {
-            Some(escape) => escape,
-            None => exchange::escape(&geometry, params.seed, progress).map_err(ExchangeError::from)?,
-        };
-        let exchange = Balanced::new(exchange, &scene, &space, &mass, &mass_inverse, escape);
+        let (exchange, operator_reason) = operator(&geometry, kind, params, [&mass, &mass_inverse], progress)?;
         let join = Join::of(&space, &mass);
         Ok(Self {
             spare: params.memory.saturating_sub(exchange.statistics().bytes),
