@@ -16,7 +16,7 @@ mod marking;
 
 pub use focus::{Focus, NothingInFocus};
 
-use crate::exchange::Problem;
+use crate::exchange::{self, Problem, Sampled};
 use crate::mesh::Refinement;
 use crate::progress::Progress;
 use crate::radiosity::{self, Error, Estimated, Solution, Solved, System};
@@ -197,10 +197,11 @@ impl Strictness {
     }
 }
 
-/// What an operator is to be chosen for.
+/// What an operator is to be chosen for, if the light is asked to a tolerance.
 fn problem<'a>(scene: &'a Scene, blockers: &'a Bvh, options: &Options, tolerance: f64) -> Problem<'a> {
     let coefficients = scene.mesh.cells.len() * options.solve.basis.triangle.dofs();
-    Problem { scene, blockers, coefficients, tolerance, memory: options.solve.memory }
+    let of_rays = exchange::kind(Sampled::NAME).map_or(1.0, |kind| kind.looseness);
+    Problem { scene, blockers, coefficients, tolerance: of_rays * tolerance, memory: options.solve.memory }
 }
 
 /// The next mesh, and the cell that each of its cells is a piece of; `None` if there is no error to refine for (what is

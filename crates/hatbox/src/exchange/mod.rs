@@ -208,8 +208,8 @@ pub struct Kind {
     pub summary: &'static str,
     /// Its tolerance for a solution whose error is to be 1, to begin with. What a dense operator keeps to is the worst row, as
     /// if all errors were of one sign: what is left of it in a solution is mostly far less (where it is not, solving to a
-    /// tolerance makes it stricter). The error of rays is a third to a half of what they are asked for
-    /// (`cargo bench -p hatbox --bench operators`). That of `auto` is that of the kind it [chooses](Self::chosen).
+    /// tolerance makes it stricter). The error of rays is a third to two thirds of what they are asked for
+    /// (`cargo bench -p hatbox --bench operators`), and elements have to be left the greater part of the error. That of `auto` is that of the kind it [chooses](Self::chosen).
     pub looseness: f64,
     /// Builds it.
     pub build: Build,
@@ -226,13 +226,13 @@ pub const ALL: &[Kind] = &[
     Kind {
         name: Hierarchical::NAME,
         summary: "links between clusters that see each other, rays for the rest; time and memory grow like the elements",
-        looseness: 1.0,
+        looseness: 0.5,
         build: |geometry, params, progress| Ok(Box::new(Sampled::linked(geometry, params, progress)?)),
     },
     Kind {
         name: Sampled::NAME,
         summary: "cosine rays from every element and exact light from lamps; time and memory grow like the elements",
-        looseness: 1.0,
+        looseness: 0.5,
         build: |geometry, params, progress| Ok(Box::new(Sampled::new(geometry, params, progress)?)),
     },
 ];
