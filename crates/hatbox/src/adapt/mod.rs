@@ -121,7 +121,8 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
         let started = Instant::now();
         let asked = options.tolerance / strictness.factor;
         let (kind, why) = options.solve.operator.chosen(&problem(&scene, &blockers, options, asked));
-        (settings.operator, settings.tolerance) = (kind, (kind.looseness * asked).min(OPERATOR_LOOSEST));
+        let loosest = (kind.looseness * options.tolerance).min(OPERATOR_LOOSEST);
+        (settings.operator, settings.tolerance) = (kind, loosest / strictness.factor);
         let mut system = System::of_cells(scene, &settings, progress)?;
         system.operator_reason = why;
         let Found { solved, estimated, importance } = solved_in_focus(&system, &settings, options, progress)?;
@@ -299,4 +300,20 @@ fn error_squares(solution: &Solution, estimated: &Estimated, importance: Option<
 /// ∫ of the square of an indicator.
 fn total(solution: &Solution, indicated: &[f64]) -> f64 {
     indicated.iter().enumerate().map(|(cell, e)| e * e * solution.scene.mesh.patch(cell).area()).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_operator_is_made_stricter_where_it_is_to_blame_and_where_that_helped_before() {
+        let mut strictness = Strictness::default();
+        assert!(!strictness.is_raised_for(0.004, 0.01), "most of it is the elements'");
+        assert!(strictness.is_raised_for(0.008, 0.01));
+        assert!(!strictness.is_raised_for(0.0075, 0.01), "it did not help");
+        assert!(strictness.is_raised_for(0.004, 0.005), "it helped, and is to blame again");
+        assert!((strictness.factor - STRICTER * STRICTER).abs() < 1e-12);
+        assert!(!strictness.is_raised_for(f64::NAN, 0.01));
+    }
 }

@@ -4,13 +4,13 @@ use rayon::prelude::*;
 /// Rows of a piece of work.
 const ROWS: usize = 1 << 14;
 /// What is left of a column beside the columns before it, squared and relative, up to which it counts as their combination:
-/// the columns may be rounded to single precision.
-const DEPENDENT: f64 = 1e-11;
+/// what is a thousandth of it or less would magnify the errors of columns that are rounded to single precision.
+const DEPENDENT: f64 = 1e-6;
 
 /// For each band the coefficients y of least ‖t − Σ y_j a_j‖, where t is the band of `target` and a_j that of `columns[j]`.
 ///
 /// From the normal equations by a Cholesky factorisation with pivots (Higham 2002, §10.3), which leaves out what depends on
-/// other columns: t is met to about six digits at the best. Sums run in a fixed order.
+/// other columns: t is met to a few digits, or as many as the columns have. Sums run in a fixed order.
 pub(crate) fn fit(columns: &[MultiVector], target: &MultiVector) -> Vec<Vec<f64>> {
     let of_band = |band: usize| {
         let vectors: Vec<&[f64]> = columns.iter().map(|column| column.band(band)).collect();

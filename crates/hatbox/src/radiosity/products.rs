@@ -15,8 +15,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Functions that are kept, at the most.
 const MOST: usize = 32;
-/// What is left of an emission, relative, up to which it counts as a combination of functions that are known.
+/// Coefficients of an emission are a multiple of known ones if they differ by no more than this, relative to themselves (and to the
+/// greatest of all, since the inverse of a mass matrix leaves rounding everywhere). Relative to all of them together would not
+/// do: a small bright lamp is more than a large dim one, and may light the scene less.
 const SAME: f64 = 1e-6;
+const ROUNDING: f64 = 1e-10;
+/// A combination whose terms are together so many times what they sum up to has too few digits left.
+const CANCELLED: f64 = 100.0;
+/// Solvers that go farther than this begin afresh: kept numbers have seven digits.
+const FARTHEST: f64 = 1e-5;
 
 /// A function of the joined space in each band, and what S makes of it, tested with the broken one.
 #[derive(Debug)]
@@ -35,6 +42,27 @@ impl Product {
     fn bytes(&self) -> usize {
         size_of_val(&*self.x) + size_of_val(&*self.image)
     }
+
+    fn is_finite(&self) -> bool {
+        self.x.iter().chain(&self.image).all(|x| x.is_finite())
+    }
+
+    /// S C x, if every band of x is a multiple of that of this function.
+    fn multiple(&self, x: &MultiVector) -> Option<MultiVector> {
+        let mut image = double(&self.image, self.bands);
+        for band in 0..self.bands {
+            let (wanted, known) = (x.band(band), &self.x[band * x.rows()..(band + 1) * x.rows()]);
+            let greatest = (0..x.rows()).max_by(|&i, &j| wanted[i].abs().total_cmp(&wanted[j].abs()))?;
+            let factor = if wanted[greatest] == 0.0 { 0.0 } else { wanted[greatest] / f64::from(known[greatest]) };
+            let rounding = ROUNDING * wanted[greatest].abs();
+            let same = |(&x, &known): (&f64, &f32)| (x - factor * f64::from(known)).abs() <= SAME * x.abs() + rounding;
+            if !factor.is_finite() || !wanted.iter().zip(known).all(same) {
+                return None;
+            }
+            image.band_mut(band).iter_mut().for_each(|value| *value *= factor);
+        }
+        Some(image)
+    }
 }
 
 /// What is known of S.
@@ -48,20 +76,26 @@ pub(super) struct Part {
 }
 
 impl Products {
-    /// These and older ones, as many as may be kept.
-    pub(super) fn with(mut self, older: &Self) -> Self {
-        self.0.extend(older.0.iter().cloned());
-        self.0.truncate(MOST);
+    /// These and older ones, as many as may be kept in so many bytes.
+    pub(super) fn with(mut self, older: &Self, most_bytes: usize) -> Self {
+        let mut bytes: usize = self.0.iter().map(|product| product.bytes()).sum();
+        for product in &older.0 {
+            bytes += product.bytes();
+            if self.0.len() < MOST && bytes <= most_bytes {
+                self.0.push(Arc::clone(product));
+            }
+        }
         self
     }
 
-    /// S C x, if x is a combination of what is known.
+    /// What a solver with a tolerance may begin with.
+    pub(super) fn good_for(&self, tolerance: f64) -> Self {
+        if tolerance < FARTHEST { Self::default() } else { self.clone() }
+    }
+
+    /// S C x, if every band of x is a multiple of that of one function that is known.
     pub(super) fn image_of(&self, x: &MultiVector) -> Option<MultiVector> {
-        let known: Vec<MultiVector> = self.of_bands(x.bands()).map(|product| double(&product.x, x.bands())).collect();
-        let part = self.combined(&fit(&known, x), x)?;
-        let mut rest = part.x;
-        rest.add_scaled(-1.0, x);
-        rest.norms().iter().zip(x.norms()).all(|(&rest, norm)| rest <= SAME * norm).then_some(part.image)
+        self.of_bands(x.bands()).find_map(|product| product.multiple(x))
     }
 
     /// The combination of what is known that solves an equation best, if any is known.
@@ -69,7 +103,16 @@ impl Products {
         let bands = right_side.bands();
         let of = |product: &Arc<Product>| equation.of(&double(&product.x, bands), &double(&product.image, bands));
         let columns: Vec<MultiVector> = self.of_bands(bands).map(of).collect();
-        self.combined(&fit(&columns, right_side), right_side)
+        let mut y = fit(&columns, right_side);
+        let (norms, goal): (Vec<Vec<f64>>, Vec<f64>) =
+            (columns.iter().map(MultiVector::norms).collect(), right_side.norms());
+        for (band, y) in y.iter_mut().enumerate() {
+            let terms: f64 = y.iter().zip(&norms).map(|(y, norms)| y.abs() * norms[band]).sum();
+            if terms > CANCELLED * goal[band] {
+                y.fill(0.0);
+            }
+        }
+        self.combined(&y, right_side)
     }
 
     fn of_bands(&self, bands: usize) -> impl Iterator<Item = &Arc<Product>> {
@@ -149,10 +192,42 @@ impl LinearOperator for Asked<'_> {
         self.exchange.apply(&self.join.spread(x), y);
         let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
         let product = (log.kept.len() < MOST && log.bytes < self.most_bytes).then(|| Product::new(x, y));
-        if let Some(product) = product.filter(|product| log.bytes + product.bytes() <= self.most_bytes) {
+        let fits = |product: &Product| log.bytes + product.bytes() <= self.most_bytes && product.is_finite();
+        if let Some(product) = product.filter(fits) {
             log.bytes += product.bytes();
             log.kept.push(Arc::new(product));
         }
         log.last = Some((x.clone(), y.clone()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(numbers: [f64; 3]) -> MultiVector {
+        MultiVector::from_bands(1, numbers.to_vec()).expect("one band")
+    }
+
+    /// A small lamp ten million times brighter than a wall that shines as well: of all coefficients together the wall's are
+    /// nothing, and yet they may be half of the light.
+    #[test]
+    fn a_dim_wall_beside_a_bright_lamp_is_not_overlooked() {
+        let product = Product::new(&of([1e7, 1.0, 0.0]), &of([1.0, 2.0, 3.0]));
+        assert_eq!(product.multiple(&of([2e7, 2.0, 0.0])).expect("twice as bright").as_slice(), [2.0, 4.0, 6.0]);
+        for other in [[1e7, 0.0, 0.0], [1e7, 1.1, 0.0], [1e7, 1.0, 0.1]] {
+            assert_eq!(product.multiple(&of(other)), None, "{other:?}");
+        }
+        assert_eq!(product.multiple(&of([0.0; 3])).expect("dark").as_slice(), [0.0; 3]);
+    }
+
+    #[test]
+    fn products_take_no_more_bytes_than_they_may() {
+        let some =
+            |count: usize| Products((0..count).map(|_| Arc::new(Product::new(&of([1.0; 3]), &of([1.0; 3])))).collect());
+        let each = some(1).0[0].bytes();
+        assert_eq!(some(2).with(&some(9), 5 * each).0.len(), 5);
+        assert_eq!(some(30).with(&some(9), 500 * each).0.len(), MOST);
+        assert_eq!(some(2).good_for(1e-7).0.len(), 0);
     }
 }

@@ -118,6 +118,7 @@ pub fn estimate_error(
         if leaving > 0.0 { -emitted / leaving } else { -1.0 }
     };
     let whole = measure.norms_within(&solution.radiosity);
+    let spread = measure.norms_within(&system.operator_spread(solution));
     // Where nothing is reflected there is nothing to be wrong but the last digits of the emission.
     let relative = |value: f64, band: usize| {
         if value <= ROUNDING * whole[band] { 0.0 } else { value / measure.norms[band] }
@@ -136,7 +137,7 @@ pub fn estimate_error(
         data: worst(&data),
         discretisation: worst(&|band| root(residual(band).powi(2) - data(band).powi(2))),
         absorption: -(0..solution.bands()).map(absorption).fold(-1.0, greater),
-        operator: system.operator_error(solution),
+        operator: worst(&|band| relative(spread[band], band)),
         solver: info.residual,
     };
     Ok(Estimated { error, seen, indicated: measure.indicated })

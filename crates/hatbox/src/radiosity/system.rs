@@ -111,7 +111,7 @@ pub struct System {
     spare: usize,
     /// What is known of a sampled S from other materials, and what the first solution with these has asked of it.
     known: Products,
-    found: Arc<OnceLock<Products>>,
+    found: OnceLock<Products>,
 }
 
 impl fmt::Debug for System {
@@ -146,7 +146,7 @@ impl System {
         Ok(Self {
             spare: params.memory.saturating_sub(exchange.statistics().bytes),
             known: Products::default(),
-            found: Arc::default(),
+            found: OnceLock::new(),
             exchange: Arc::new(exchange),
             operator_time: started.elapsed(),
             operator_reason,
@@ -183,10 +183,11 @@ impl System {
 
     /// Replaces the materials, one by one, and keeps the operator: another light (new B⁰), another paint (new R).
     ///
-    /// What is solved next is what a system made afresh with the same [`exchange::Params`] would solve, to the last
-    /// bit; only the functions' joints are found again, since they follow the materials. If the system has been solved and its
-    /// operator is sampled, the solver begins with what it has learnt of the operator, which spares most products where
-    /// lamps are dimmed or walls painted; the solution is then the same to the solver's tolerance.
+    /// What is solved next is what a system made afresh with the same [`exchange::Params`] would solve; only the functions'
+    /// joints are found again, since they follow the materials. It is the same to the last bit, unless the operator is sampled
+    /// and the system has been solved before: then the solver begins with what its first solution has asked of the operator
+    /// (which spares all products where lamps are dimmed together, and some where walls are painted), and what it finds is the
+    /// same to the solver's tolerance.
     ///
     /// # Errors
     /// [`MaterialsError`] if their number or what their sides do would change, or one of them is not physical; the system
@@ -200,8 +201,9 @@ impl System {
             return Err(MaterialsError::Geometry);
         }
         self.scene.set_materials(materials)?;
-        self.known = self.found.get().map_or_else(|| self.known.clone(), |found| found.clone().with(&self.known));
-        self.found = Arc::default();
+        if let Some(found) = self.found.take() {
+            self.known = found.with(&self.known, self.most_products());
+        }
         // The cells have elements: only the joints may differ.
         match FunctionSpace::new(&self.scene, self.space.basis(), continuity) {
             Ok(space) if space.continuity() != self.space.continuity() => self.rejoin(space),
@@ -303,8 +305,9 @@ impl System {
         if self.exchange.is_symmetric() || kind == solve::Kind::Neumann {
             return Ok(self.solve_for(self.load(), kind, params, progress)?);
         }
+        let known = self.known.good_for(params.tolerance);
         let (solution, info, products) =
-            self.solve_reflected(self.load(), &self.known, self.spare, params, progress)?;
+            self.solve_reflected(self.load(), &known, self.most_products(), params, progress)?;
         self.found.get_or_init(|| products);
         Ok((solution, info))
     }
@@ -382,7 +385,12 @@ impl System {
             arrived.add_scaled(1.0, &seen.last_of(&step));
         }
         let solution = self.solution_of(self.join.spread(&b).into_owned(), arrived);
-        Ok((solution, info, seen.products().with(known)))
+        Ok((solution, info, seen.products()))
+    }
+
+    /// Bytes that products may take: half of what the operator does, if it has left as much.
+    fn most_products(&self) -> usize {
+        self.spare.min(self.exchange.statistics().bytes / 2)
     }
 
     /// M_R Δ⁻¹.
