@@ -261,9 +261,9 @@ class Solution:
             HatboxError: An impossible exitance, or the solution came from a file.
             KeyboardInterrupt: Ctrl-C.
 
-        How finely shadows are sampled follows the first lamps; see `System.with_materials`. A sampled operator has learnt
-        from the first solution: lamps that are dimmed or tinted together take no pass over its rays, others and other
-        paints fewer than before.
+        How finely shadows are sampled follows the first lamps; see `System.with_materials`. What the first solution has
+        asked of a sampled operator is known: lamps that are dimmed or tinted together take no pass over its rays,
+        others and other paints fewer than before.
         """
         return self.system.with_materials(exitance=exitance).solve(**options)
 
