@@ -18,7 +18,7 @@ use hatbox::radiosity::{Options, Solved, System};
 use measure::{cpu_seconds, kinds, scene};
 
 /// Scenes that are no kinds.
-const SAMPLES: [&str; 2] = ["cornell-box.glb", "two-rooms.glb"];
+const SAMPLES: [&str; 3] = ["cube.toml", "cornell-box.glb", "two-rooms.glb"];
 /// Faces of a generated scene for so many elements.
 const SUBDIVIDED: usize = 4;
 /// Tolerances: 10 % and its halves.

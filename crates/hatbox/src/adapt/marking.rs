@@ -15,7 +15,7 @@ const LEARNT: [f64; 2] = [1.0 / 32.0, 0.5];
 /// A cell is refined so many times in a round at the most.
 const MOST_LEVELS: u8 = 2;
 /// There is one more cell for so many at the least after a round: it costs as much as the last, and what is predicted may not
-/// come. (A guess: with less, rounds crept where three made up for what two were predicted to do.)
+/// come. How much is a guess.
 const LEAST_GROWTH: usize = 8;
 /// What refining a cell makes of it.
 const PIECES: usize = 4;

@@ -5,7 +5,7 @@
 //! are is asked of some pairs with a few segments each. A limit of coefficients alone was tried: 3000 elements among small
 //! things take 97 seconds for what rays do in two, and as many in an empty room take three.
 
-use super::{ALL, Dense, Kind, Sampled, sampled};
+use super::{ALL, Dense, Geometry, Kind, Params, Sampled, sampled};
 use crate::mesh::{Mesh, Patch};
 use crate::quadrature::sequence::{hash, point, unit};
 use crate::scene::Scene;
@@ -29,16 +29,7 @@ pub static AUTO: Kind = Kind {
     name: "auto",
     summary: "all pairs if they take few seconds or less than rays, and fit into the memory; else rays",
     looseness: 1.0,
-    build: |geometry, params, progress| {
-        let problem = Problem {
-            scene: geometry.scene,
-            blockers: geometry.blockers,
-            coefficients: geometry.space.broken_dofs(),
-            tolerance: params.tolerance,
-            memory: params.memory,
-        };
-        (choose(&problem).0.build)(geometry, params, progress)
-    },
+    build: |geometry, params, progress| (choose(&Problem::of(geometry, params)).0.build)(geometry, params, progress),
 };
 
 /// What is to be solved.
@@ -54,6 +45,19 @@ pub struct Problem<'a> {
     pub tolerance: f64,
     /// Bytes that the operator may store.
     pub memory: usize,
+}
+
+impl<'a> Problem<'a> {
+    /// That of an operator with these parameters.
+    pub fn of(geometry: &Geometry<'a>, params: &Params) -> Self {
+        Self {
+            scene: geometry.scene,
+            blockers: geometry.blockers,
+            coefficients: geometry.space.broken_dofs(),
+            tolerance: params.tolerance,
+            memory: params.memory,
+        }
+    }
 }
 
 /// The kind for a problem, and why.

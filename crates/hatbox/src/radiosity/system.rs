@@ -67,13 +67,7 @@ fn operator(
     progress: &dyn Progress,
 ) -> Result<(Balanced, Option<String>), ExchangeError> {
     let (scene, space) = (geometry.scene, geometry.space);
-    let (kind, reason) = kind.chosen(&exchange::Problem {
-        scene,
-        blockers: geometry.blockers,
-        coefficients: space.broken_dofs(),
-        tolerance: params.tolerance,
-        memory: params.memory,
-    });
+    let (kind, reason) = kind.chosen(&exchange::Problem::of(geometry, params));
     let exchange = (kind.build)(geometry, params, progress)?;
     let escape = match exchange.escape() {
         Some(escape) => escape,
