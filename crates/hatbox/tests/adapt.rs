@@ -204,9 +204,8 @@ fn operators_of_rays_reach_what_was_asked() {
     assert!(adapted.reached, "{:?}", adapted.rounds);
 }
 
-/// The border of the shadow of a sheet under a small lamp is two hundredths of the floor wide.
-#[test]
-fn sharp_borders_of_shadows_are_edges_of_the_mesh() {
+/// A sheet under a small lamp: the border of its shadow is two hundredths of the floor wide.
+fn hard_shadow() -> Scene {
     let square = |s: f64, z: f64| [(-s, -s), (s, -s), (s, s), (-s, s)].map(|(x, y)| DVec3::new(x, y, z));
     let mut mesh = Mesh::default();
     meshes::face(&mut mesh, &square(1.0, 0.0), 0);
@@ -216,7 +215,12 @@ fn sharp_borders_of_shadows_are_edges_of_the_mesh() {
     meshes::face(&mut mesh, &lamp, 1);
     let lamp = Material { exitance: Quantity::gray(100.0), ..Material::diffuse("lamp", 0.0) };
     let materials = vec![Material::diffuse("floor", 0.5), lamp, Material::diffuse("sheet", 0.0)];
-    let scene = Scene::new(mesh, materials, Physics::Light, None).expect("valid");
+    Scene::new(mesh, materials, Physics::Light, None).expect("valid")
+}
+
+#[test]
+fn sharp_borders_of_shadows_are_edges_of_the_mesh() {
+    let scene = hard_shadow();
     let adapted = adapt::solve(&scene, &to(0.04), &Silent).expect("solved");
     assert!(adapted.reached && adapted.solved.solution.space.cells() < 2000, "{:?}", adapted.rounds);
     let mesh = &adapted.solved.solution.scene.mesh;
@@ -234,6 +238,16 @@ fn sharp_borders_of_shadows_are_edges_of_the_mesh() {
         let found: f64 = (0..topology.edges()).filter(on_border).map(length).sum();
         assert!(found > 0.9, "{x}: {found}");
     }
+}
+
+/// What was left was the operator's error, and quadratic elements were refined again and again, to three times as many.
+#[test]
+fn elements_are_not_refined_for_what_the_operator_errs_by() {
+    let mut options = adapt::Options { tolerance: 0.005, ..adapt::Options::default() };
+    options.solve = Options { basis: &ALL[3], operator: exchange::kind("dense").expect("a kind"), ..options.solve };
+    let adapted = adapt::solve(&hard_shadow(), &options, &Silent).expect("solved");
+    assert!(adapted.reached && adapted.rounds.len() > 1, "{:?}", adapted.rounds);
+    assert!(adapted.rounds.iter().all(|round| round.elements == adapted.rounds[0].elements), "{:?}", adapted.rounds);
 }
 
 #[test]
