@@ -68,11 +68,11 @@ struct Rows {
 impl Rows {
     fn of(factors: &ViewFactors) -> Self {
         let mut rows = Self { starts: vec![0], columns: Vec::new(), values: Vec::new() };
-        for row in 0..factors.len() {
-            for (column, value) in factors.nonzeros(row) {
-                rows.columns.push(column as i64);
-                rows.values.push(value);
-            }
+        let apart = |row: &[(u32, f64)]| row.iter().map(|&(j, value)| (i64::from(j), value)).unzip();
+        let made: Vec<(Vec<i64>, Vec<f64>)> = factors.map_nonzeros(|_, row| apart(row)).collect();
+        for (columns, values) in made {
+            rows.columns.extend(columns);
+            rows.values.extend(values);
             rows.starts.push(rows.columns.len() as i64);
         }
         rows

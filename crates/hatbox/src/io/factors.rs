@@ -1,7 +1,9 @@
 //! View factors in files: a sparse matrix for NumPy and SciPy, for everyone (Matrix Market), a table for spreadsheets, or
 //! the text that View3D writes.
 //!
-//! Rows are written one after the other, straight from the exchange areas: the matrix F itself is never in memory.
+//! Rows are written one after the other, straight from the exchange areas: the matrix F itself is never in memory, only a
+//! block of its rows, which all threads make together. Making them takes longer than writing them: numbers become text, and
+//! half of a row is a column of the triangle that is stored.
 
 use super::atomic;
 use super::csv::quoted;
@@ -88,6 +90,14 @@ impl Source<'_> {
         self.progress.advance(1);
         if self.progress.interrupted() { Err(io::Error::other(Interrupted)) } else { Ok(()) }
     }
+
+    /// Writes what has been made of each row.
+    fn write(&self, file: &mut impl Write, mut rows: impl Iterator<Item = io::Result<Vec<u8>>>) -> io::Result<()> {
+        rows.try_for_each(|bytes| {
+            self.go_on()?;
+            file.write_all(&bytes?)
+        })
+    }
 }
 
 /// Compressed sparse rows, with the keys of `scipy.sparse.save_npz`, and what is known of the rows.
@@ -100,20 +110,21 @@ fn npz(source: &Source<'_>, file: &mut (impl Write + Seek)) -> io::Result<()> {
         starts.push(starts[starts.len() - 1] + row.nonzeros);
     }
     let mut archive = ZipWriter::new(file);
-    let columns = || (0..n).flat_map(|row| factors.nonzeros(row).map(|(column, _)| column));
     // SciPy wants one integer type in both arrays, the narrower if it will do.
     if i32::try_from(starts[n]).is_ok() {
-        array(&mut archive, "indices", &[starts[n]], columns().map(|column| column as i32))?;
+        let columns = factors.map_nonzeros(|_, row| row.iter().map(|&(column, _)| column as i32).collect::<Vec<_>>());
+        array(&mut archive, "indices", &[starts[n]], columns.flatten())?;
         array(&mut archive, "indptr", &[n + 1], starts.iter().map(|&start| start as i32))?;
     } else {
-        array(&mut archive, "indices", &[starts[n]], columns().map(|column| column as i64))?;
+        let columns = factors.map_nonzeros(|_, row| row.iter().map(|&(column, _)| column as i64).collect::<Vec<_>>());
+        array(&mut archive, "indices", &[starts[n]], columns.flatten())?;
         array(&mut archive, "indptr", &[n + 1], starts.iter().map(|&start| start as i64))?;
     }
     entry(&mut archive, "format", &npy::encode_bytes("csr"))?;
     array(&mut archive, "shape", &[2], [n as i64; 2].into_iter())?;
     source.go_on()?;
-    let values = (0..n).flat_map(|row| factors.nonzeros(row).map(|(_, factor)| factor));
-    array(&mut archive, "data", &[starts[n]], values)?;
+    let values = factors.map_nonzeros(|_, row| row.iter().map(|&(_, factor)| factor).collect::<Vec<_>>());
+    array(&mut archive, "data", &[starts[n]], values.flatten())?;
     let surfaces = &factors.surfaces;
     let columns: [(&str, Vec<f64>); 6] = [
         ("areas", surfaces.iter().map(|surface| surface.area).collect()),
@@ -157,17 +168,18 @@ fn start<W: Write + Seek>(archive: &mut ZipWriter<W>, key: &str, large: bool) ->
 fn matrix_market(source: &Source<'_>, file: &mut impl Write) -> io::Result<()> {
     let factors = source.factors;
     let n = factors.len();
-    let count: usize = (0..n).map(|row| factors.nonzeros(row).count()).sum();
+    let count: usize = factors.map_nonzeros(|_, row| row.len()).sum();
     writeln!(file, "%%MatrixMarket matrix coordinate real general")?;
     writeln!(file, "% view factors: entry (i, j) is the fraction of what leaves i that reaches j")?;
     writeln!(file, "{n} {n} {count}")?;
-    for row in 0..n {
-        source.go_on()?;
-        for (column, factor) in factors.nonzeros(row) {
-            writeln!(file, "{} {} {factor:?}", row + 1, column + 1)?;
+    let line = |row: usize, entries: &[(u32, f64)]| {
+        let mut text = Vec::new();
+        for (column, factor) in entries {
+            writeln!(text, "{} {} {factor:?}", row + 1, column + 1)?;
         }
-    }
-    Ok(())
+        Ok(text)
+    };
+    source.write(file, factors.map_nonzeros(line))
 }
 
 fn csv(source: &Source<'_>, file: &mut impl Write) -> io::Result<()> {
@@ -177,17 +189,17 @@ fn csv(source: &Source<'_>, file: &mut impl Write) -> io::Result<()> {
         write!(file, ",{}", quoted(&surface.name))?;
     }
     writeln!(file, ",environment")?;
-    for (row, surface) in factors.surfaces.iter().enumerate() {
-        source.go_on()?;
-        write!(file, "{},{:?}", quoted(&surface.name), surface.area)?;
-        let mut sum = 0.0;
-        for factor in factors.row(row) {
-            write!(file, ",{factor:?}")?;
-            sum += factor;
+    let line = |row: usize, all: &[f64]| {
+        let surface = &factors.surfaces[row];
+        let mut text = Vec::new();
+        write!(text, "{},{:?}", quoted(&surface.name), surface.area)?;
+        for factor in all {
+            write!(text, ",{factor:?}")?;
         }
-        writeln!(file, ",{:?}", 1.0 - sum)?;
-    }
-    Ok(())
+        writeln!(text, ",{:?}", 1.0 - all.iter().sum::<f64>())?;
+        Ok(text)
+    };
+    source.write(file, factors.map_rows(line))
 }
 
 /// What View3D writes with `out=0`: a line with its name, a version, the format (0 is text), whether the scene is closed,
@@ -201,10 +213,11 @@ fn view3d(source: &Source<'_>, file: &mut impl Write) -> io::Result<()> {
     // Its own reader expects the line to have this width.
     writeln!(file, "{header:<30}")?;
     numbers(file, factors.surfaces.iter().map(|surface| surface.area))?;
-    for row in 0..factors.len() {
-        source.go_on()?;
-        numbers(file, factors.row(row))?;
-    }
+    let line = |_: usize, all: &[f64]| {
+        let mut text = Vec::new();
+        numbers(&mut text, all.iter().copied()).map(|()| text)
+    };
+    source.write(file, factors.map_rows(line))?;
     numbers(file, factors.surfaces.iter().map(|surface| surface.emittance))
 }
 

@@ -3,6 +3,7 @@
 use crate::exchange::{Dense, Exchange};
 use crate::linalg::Csr;
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// Where the exchange areas come from.
 #[derive(Debug)]
@@ -93,24 +94,28 @@ impl Matrix {
         }
     }
 
-    /// `A_i F_ij` for all j.
-    pub(super) fn fill_row(&self, i: usize, row: &mut [f64]) {
-        self.fill_uncorrected(i, row);
+    /// `A_i F_ij` for all j, for some i: row after row.
+    pub(super) fn fill_rows(&self, rows: Range<usize>, out: &mut [f64]) {
+        self.fill_uncorrected(rows.clone(), out);
         if self.correction.is_some() {
-            for (j, value) in row.iter_mut().enumerate() {
-                *value = self.corrected(i, j, *value);
+            for (i, row) in rows.zip(out.chunks_exact_mut(self.len)) {
+                for (j, value) in row.iter_mut().enumerate() {
+                    *value = self.corrected(i, j, *value);
+                }
             }
         }
     }
 
-    fn fill_uncorrected(&self, i: usize, row: &mut [f64]) {
+    fn fill_uncorrected(&self, rows: Range<usize>, out: &mut [f64]) {
         match &self.areas {
-            Areas::Elements(dense) => dense.fill_exchange_row(i, row),
-            Areas::Table(values) => row.copy_from_slice(&values[i * self.len..(i + 1) * self.len]),
+            Areas::Elements(dense) => dense.fill_exchange_rows(rows, out),
+            Areas::Table(values) => out.copy_from_slice(&values[rows.start * self.len..rows.end * self.len]),
             Areas::Sparse(matrix) => {
-                row.fill(0.0);
-                for (j, value) in matrix.row(i) {
-                    row[j] = value;
+                out.fill(0.0);
+                for (i, row) in rows.zip(out.chunks_exact_mut(self.len)) {
+                    for (j, value) in matrix.row(i) {
+                        row[j] = value;
+                    }
                 }
             }
         }
@@ -118,13 +123,20 @@ impl Matrix {
 
     /// The entries of a row that are not zero, each with its column.
     pub(super) fn entries(&self, i: usize) -> Vec<(u32, f64)> {
+        self.entries_of(i..i + 1).into_iter().flatten().collect()
+    }
+
+    /// The entries of some rows that are not zero, each with its column.
+    pub(super) fn entries_of(&self, rows: Range<usize>) -> Vec<Vec<(u32, f64)>> {
         let nonzero = |&(_, value): &(u32, f64)| value != 0.0;
         if let Areas::Sparse(matrix) = &self.areas {
-            return matrix.row(i).map(|(j, value)| (j as u32, self.corrected(i, j, value))).filter(nonzero).collect();
+            let entry = |i: usize| matrix.row(i).map(move |(j, value)| (j as u32, self.corrected(i, j, value)));
+            return rows.map(|i| entry(i).filter(nonzero).collect()).collect();
         }
-        let mut row = vec![0.0; self.len];
-        self.fill_row(i, &mut row);
-        row.into_iter().enumerate().map(|(j, value)| (j as u32, value)).filter(nonzero).collect()
+        let mut whole = vec![0.0; rows.len() * self.len];
+        self.fill_rows(rows, &mut whole);
+        let of = |row: &[f64]| row.iter().enumerate().map(|(j, &value)| (j as u32, value)).filter(nonzero).collect();
+        whole.chunks_exact(self.len).map(of).collect()
     }
 
     /// Bytes it takes.

@@ -30,11 +30,16 @@ use crate::space::{FunctionSpace, NoElement};
 use crate::visibility::{Bvh, Visibility};
 use groups::Grouping;
 use matrix::Matrix;
+use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// One constant function per element, on triangles and quads alike.
 const BASIS: &Basis = &ALL[0];
+/// Rows that are made together, and so many blocks of them at a time.
+const BLOCK: usize = 32;
+const BLOCKS: usize = 8;
 /// So many pairs are integrated a second time, the other way round.
 const REVERSED: u64 = 32;
 /// The most rays that measure what escapes when a closure needs it, unless there are very many elements.
@@ -249,13 +254,49 @@ impl ViewFactors {
     /// `F_ij` for all j.
     pub fn row(&self, i: usize) -> impl Iterator<Item = f64> + '_ {
         let mut row = vec![0.0; self.len()];
-        self.matrix.fill_row(i, &mut row);
+        self.matrix.fill_rows(i..i + 1, &mut row);
         row.into_iter().map(move |exchanged| exchanged / self.surfaces[i].area)
     }
 
     /// `F_ij` and j for all j where it is not zero, in order.
     pub fn nonzeros(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         self.matrix.entries(i).into_iter().map(move |(j, exchanged)| (j as usize, exchanged / self.surfaces[i].area))
+    }
+
+    /// What `of` makes of each row, in order: `F_ij` for all j. All threads make some rows at a time.
+    pub fn map_rows<T: Send>(&self, of: impl Fn(usize, &[f64]) -> T + Sync) -> impl Iterator<Item = T> {
+        self.map_blocks(move |rows| {
+            let mut whole = vec![0.0; rows.len() * self.len()];
+            self.matrix.fill_rows(rows.clone(), &mut whole);
+            let made = rows.zip(whole.chunks_exact_mut(self.len())).map(|(i, row)| {
+                let area = self.surfaces[i].area;
+                row.iter_mut().for_each(|value| *value /= area);
+                of(i, row)
+            });
+            made.collect()
+        })
+    }
+
+    /// What `of` makes of each row, in order: j and `F_ij` for all j where it is not zero. All threads make some rows at a
+    /// time.
+    pub fn map_nonzeros<T: Send>(&self, of: impl Fn(usize, &[(u32, f64)]) -> T + Sync) -> impl Iterator<Item = T> {
+        self.map_blocks(move |rows| {
+            let made = rows.clone().zip(self.matrix.entries_of(rows)).map(|(i, mut row)| {
+                let area = self.surfaces[i].area;
+                row.iter_mut().for_each(|(_, value)| *value /= area);
+                of(i, &row)
+            });
+            made.collect()
+        })
+    }
+
+    /// What `of` makes of blocks of rows, in order.
+    fn map_blocks<T: Send>(&self, of: impl Fn(Range<usize>) -> Vec<T> + Sync) -> impl Iterator<Item = T> {
+        let (n, most) = (self.len(), BLOCK * BLOCKS);
+        (0..n).step_by(most).flat_map(move |first| {
+            let blocks = (first..n.min(first + most)).into_par_iter().step_by(BLOCK);
+            blocks.flat_map_iter(|start| of(start..n.min(start + BLOCK))).collect::<Vec<T>>()
+        })
     }
 
     /// Whether no ray leaves the scene.

@@ -123,6 +123,20 @@ fn a_row_is_its_pairs() {
 }
 
 #[test]
+fn all_rows_together_are_the_rows_one_by_one() {
+    // More rows than are made at a time.
+    let found = factors(&divided(&boxes(1), 8), 1e-2);
+    assert!(found.len() > 512);
+    let rows: Vec<(usize, Vec<f64>)> = found.map_rows(|i, row| (i, row.to_vec())).collect();
+    let entries: Vec<(usize, Vec<(u32, f64)>)> = found.map_nonzeros(|i, row| (i, row.to_vec())).collect();
+    assert_eq!((rows.len(), entries.len()), (found.len(), found.len()));
+    for (i, (row, entries)) in rows.into_iter().zip(entries).enumerate() {
+        assert_eq!(row, (i, found.row(i).collect()));
+        assert_eq!(entries, (i, found.nonzeros(i).map(|(j, factor)| (j as u32, factor)).collect()));
+    }
+}
+
+#[test]
 fn threads_do_not_change_a_bit() {
     let scene = divided(&boxes(1), 3);
     let on = |threads: usize| {

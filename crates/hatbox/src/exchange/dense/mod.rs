@@ -21,6 +21,7 @@ use crate::assemble::Panel;
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::progress::Progress;
 use rayon::prelude::*;
+use std::ops::Range;
 use table::Table;
 
 /// A product is cut into this many runs of rows, each with its own result, added in order: fixed, so that sums do not
@@ -102,25 +103,48 @@ impl Dense {
         self.table.row(i).chunks_exact(width).map(|row| row[columns.clone()].iter().sum::<f64>()).sum()
     }
 
-    /// The exchange areas of one cell with all others, by cell: a row of the symmetric matrix.
+    /// The exchange areas of some cells with all others, by cell: rows of the symmetric matrix, one after the other.
+    ///
+    /// Half of a row is a column of the triangle, whose numbers lie far apart; those of neighbours lie side by side.
     ///
     /// # Panics
-    /// If `out` does not have a place for each cell.
-    pub fn fill_exchange_row(&self, cell: usize, out: &mut [f64]) {
-        assert_eq!(out.len(), self.place.len(), "a place for each cell");
-        if self.unknowns.len() == self.place.len() {
-            // One unknown a cell: a column of the triangle down to the diagonal, and a row from there on.
-            let place = self.place[cell] as usize;
-            for (before, &other) in self.unknowns[..place].iter().enumerate() {
-                out[other as usize] = self.table.row(before)[place - before];
-            }
-            for (s, &other) in self.table.row(place).iter().zip(&self.unknowns[place..]) {
-                out[other as usize] = *s;
+    /// If `out` does not have a place for each cell in each row.
+    pub fn fill_exchange_rows(&self, cells: Range<usize>, out: &mut [f64]) {
+        let n = self.place.len();
+        assert_eq!(out.len(), cells.len() * n, "a place for each cell in each row");
+        if self.unknowns.len() == n {
+            self.fill_columns(cells.clone(), out);
+            for (cell, row) in cells.zip(out.chunks_exact_mut(n)) {
+                let place = self.place[cell] as usize;
+                for (s, &other) in self.table.row(place).iter().zip(&self.unknowns[place..]) {
+                    row[other as usize] = *s;
+                }
             }
             return;
         }
-        for (other, out) in out.iter_mut().enumerate() {
-            *out = self.exchange_area(cell, other);
+        for (cell, row) in cells.zip(out.chunks_exact_mut(n)) {
+            for (other, out) in row.iter_mut().enumerate() {
+                *out = self.exchange_area(cell, other);
+            }
+        }
+    }
+
+    /// The parts of these rows that are columns of the triangle, down to the diagonal; one unknown a cell.
+    fn fill_columns(&self, cells: Range<usize>, out: &mut [f64]) {
+        let n = self.place.len();
+        let mut rows: Vec<(usize, &mut [f64])> =
+            self.place[cells].iter().map(|&place| place as usize).zip(out.chunks_exact_mut(n)).collect();
+        rows.sort_unstable_by_key(|&(place, _)| place);
+        let mut first = 0;
+        for (before, &other) in self.unknowns.iter().enumerate() {
+            first += rows[first..].iter().take_while(|&&(place, _)| place <= before).count();
+            let row = self.table.row(before);
+            for (place, out) in &mut rows[first..] {
+                out[other as usize] = row[*place - before];
+            }
+            if first == rows.len() {
+                break;
+            }
         }
     }
 
@@ -131,7 +155,7 @@ impl Dense {
     }
 
     /// Adds what the rows at a range of places contribute to y = S x, in one band.
-    fn apply_rows(&self, places: std::ops::Range<usize>, x: &[f64], y: &mut [f64]) {
+    fn apply_rows(&self, places: Range<usize>, x: &[f64], y: &mut [f64]) {
         for place in places {
             let (first, end) = (self.offsets[place], self.offsets[place + 1]);
             for (k, row) in self.table.row(place).chunks_exact(x.len() - first).enumerate() {
