@@ -6,6 +6,10 @@
 //! nodal basis of constants D is a diagonal matrix, and this is the symmetric scaling of matrices (R. Sinkhorn 1964);
 //! for quadratics, whose vertex functions have the mean 0, a diagonal matrix would not do.
 //!
+//! ε is found by Newton's method: each step scales what the last one has left. With one derivative for all steps the
+//! streets of a city were not balanced in eight of them: between walls that face each other Δ + S is nearly singular, and
+//! what is left of the deficit is then not small.
+//!
 //! An open scene has no row sums to go by, but its rays have measured what escapes of all. Where S loses more or less than
 //! the scatter of the rays allows, it is multiplied by a number: behind a small hole in a bright room, an error of 1e-3
 //! of the row sums would be more than what the hole lets out.
@@ -34,8 +38,10 @@ const ALL_ESCAPE_RAYS: usize = 200_000;
 const SCATTER: f64 = 3.0;
 /// Relative error of the row sums up to which S counts as balanced.
 const BALANCED: f64 = 1e-11;
-/// Rounds of the scaling: each multiplies what is left of the deficit by about the deficit.
-const ROUNDS: usize = 8;
+/// Steps of the scaling: each about squares what is left of the deficit.
+const STEPS: usize = 8;
+/// Relative residual of the equations of a step.
+const STEP_RESIDUAL: f64 = 1e-6;
 
 /// What was found about the row sums, and done.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,23 +68,25 @@ pub struct Balanced {
     pub closure: Closure,
 }
 
-/// D = I + Δ⁻¹ M_ε.
+/// D, the product of the steps' I + Δ⁻¹ M_ε, and its transpose.
+#[derive(Clone)]
 struct Scaling {
-    mass_inverse: BlockDiagonal,
-    weighted: BlockDiagonal,
+    d: BlockDiagonal,
+    transposed: BlockDiagonal,
 }
 
 impl Scaling {
-    fn apply(&self, x: &MultiVector) -> MultiVector {
-        let mut y = self.mass_inverse.times(&self.weighted.times(x));
-        y.add_scaled(1.0, x);
-        y
+    /// Of no step yet.
+    fn none(space: &FunctionSpace) -> Self {
+        let identity = BlockDiagonal::identity(space.offsets());
+        Self { d: identity.clone(), transposed: identity }
     }
 
-    fn apply_transposed(&self, x: &MultiVector) -> MultiVector {
-        let mut y = self.weighted.times(&self.mass_inverse.times(x));
-        y.add_scaled(1.0, x);
-        y
+    /// D ← D (I + Δ⁻¹ M_ε)
+    fn then(&self, mass_inverse: &BlockDiagonal, weighted: &BlockDiagonal) -> Self {
+        let d = self.d.plus(&self.d.product(&mass_inverse.product(weighted)));
+        let transposed = self.transposed.plus(&weighted.product(mass_inverse).product(&self.transposed));
+        Self { d, transposed }
     }
 }
 
@@ -110,7 +118,7 @@ impl Balanced {
         balanced
     }
 
-    /// A chord method on Dᵀ S D 1 = Δ 1, with the derivative at D = I: since S 1 ≈ Δ 1, that is Δ + S.
+    /// Newton's method for Dᵀ S D 1 = Δ 1: since S 1 ≈ Δ 1 for the S that is scaled so far, the derivative is Δ + S.
     fn balance(
         &mut self,
         scene: &Scene,
@@ -119,7 +127,6 @@ impl Balanced {
         mass_inverse: &BlockDiagonal,
         [target, sums]: [&MultiVector; 2],
     ) {
-        let ones = MultiVector::uniform(target.rows(), &[1.0]);
         let norm = target.norms()[0];
         let mut residual = target.clone();
         residual.add_scaled(-1.0, sums);
@@ -127,40 +134,37 @@ impl Balanced {
         if self.closure.balanced || !self.exchange.is_symmetric() {
             return;
         }
-        let mut epsilon = MultiVector::zeros(target.rows(), 1);
-        for _ in 0..ROUNDS {
-            let mut residual = target.clone();
-            residual.add_scaled(-1.0, &self.times(&ones));
+        let mut scaling = Scaling::none(space);
+        for _ in 0..STEPS {
+            let params = solve::Params { tolerance: STEP_RESIDUAL, max_iterations: 200, ..Default::default() };
+            let mut epsilon = MultiVector::zeros(target.rows(), 1);
+            // An unfinished step is still a step; the next one sees what is left.
+            let _ = cg(&Sum { mass, balanced: self }, mass_inverse, &residual, &mut epsilon, &params, &Silent);
+            scaling = scaling.then(mass_inverse, &function_weighted_mass(scene, space, epsilon.band(0)));
+            self.scaling = Some(scaling.clone());
+            residual = self.deviation(target);
             if residual.norms()[0] <= 1e-14 * norm {
                 break;
             }
-            let sum = Sum { mass, exchange: &*self.exchange };
-            let params = solve::Params { tolerance: 1e-6, max_iterations: 200, ..Default::default() };
-            let mut step = MultiVector::zeros(target.rows(), 1);
-            // An unfinished step is still a step; the next round sees what is left.
-            let _ = cg(&sum, mass_inverse, &residual, &mut step, &params, &Silent);
-            epsilon.add_scaled(1.0, &step);
-            let weighted = function_weighted_mass(scene, space, epsilon.band(0));
-            self.scaling = Some(Scaling { mass_inverse: mass_inverse.clone(), weighted });
         }
-        self.closure.balanced = self.deviation(target) <= BALANCED * norm;
+        self.closure.balanced = residual.norms()[0] <= BALANCED * norm;
         if !self.closure.balanced {
             self.scaling = None;
         }
     }
 
-    /// ‖S 1 − Δ 1‖.
-    fn deviation(&self, target: &MultiVector) -> f64 {
+    /// Δ 1 − S 1
+    fn deviation(&self, target: &MultiVector) -> MultiVector {
         let mut residual = target.clone();
         residual.add_scaled(-1.0, &self.times(&MultiVector::uniform(target.rows(), &[1.0])));
-        residual.norms()[0]
+        residual
     }
 }
 
 /// Δ + S.
 struct Sum<'a> {
     mass: &'a BlockDiagonal,
-    exchange: &'a dyn Exchange,
+    balanced: &'a Balanced,
 }
 
 impl LinearOperator for Sum<'_> {
@@ -171,7 +175,7 @@ impl LinearOperator for Sum<'_> {
         self.mass.rows()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        self.exchange.apply(x, y);
+        self.balanced.apply(x, y);
         y.add_scaled(1.0, &self.mass.times(x));
     }
 }
@@ -186,7 +190,7 @@ impl LinearOperator for Balanced {
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
         match &self.scaling {
             None => self.exchange.apply(x, y),
-            Some(d) => *y = d.apply_transposed(&self.exchange.times(&d.apply(x))),
+            Some(Scaling { d, transposed }) => *y = transposed.times(&self.exchange.times(&d.times(x))),
         }
         if let Some(factor) = self.factor {
             for value in y.as_mut_slice() {

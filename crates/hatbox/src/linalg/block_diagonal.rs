@@ -37,6 +37,19 @@ impl BlockDiagonal {
         Self { offsets: offsets.to_vec(), starts, size, bands: vec![vec![0.0; numbers]; bands] }
     }
 
+    /// The identity, with blocks whose rows start at `offsets`, the same for all bands.
+    ///
+    /// # Panics
+    /// If `offsets` is empty.
+    pub fn identity(offsets: &[usize]) -> Self {
+        let mut identity = Self::zeros(offsets, 1);
+        for (block, rows) in offsets.windows(2).enumerate() {
+            let n = rows[1] - rows[0];
+            identity.block_mut(0, block).iter_mut().step_by(n + 1).for_each(|entry| *entry = 1.0);
+        }
+        identity
+    }
+
     /// Number of blocks.
     pub fn blocks(&self) -> usize {
         self.starts.len() - 1
@@ -114,6 +127,19 @@ impl BlockDiagonal {
             });
         }
         product
+    }
+
+    /// The sum with another of the same blocks and as many bands.
+    ///
+    /// # Panics
+    /// If the blocks differ in size, or the bands in number.
+    #[must_use]
+    pub fn plus(&self, other: &Self) -> Self {
+        assert_eq!((&self.offsets, self.bands.len()), (&other.offsets, other.bands.len()), "blocks of the same sizes");
+        let mut sum = self.clone();
+        let numbers = sum.bands.iter_mut().flatten().zip(other.bands.iter().flatten());
+        numbers.for_each(|(entry, other)| *entry += other);
+        sum
     }
 
     /// The numbers of one row, and the column of the first.
