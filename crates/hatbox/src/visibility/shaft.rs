@@ -113,12 +113,10 @@ impl Shaft {
         let size = corners.iter().map(|c| c.length()).fold(0.0, f64::max);
         let greatest = a.corners.iter().chain(&b.corners).map(|c| c.abs().max_element()).fold(0.0, f64::max);
         let touch = TOUCH * size + 16.0 * f64::EPSILON * greatest;
-        let mut shaft = Self { origin, corners, first: a.corners.len(), planes: ArrayVec::new(), touch };
-        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
-            shaft.push(axis);
-            shaft.push(-axis);
-        }
-        shaft
+        let (lo, hi) = corners.iter().fold((DVec3::ZERO, DVec3::ZERO), |(lo, hi), &c| (lo.min(c), hi.max(c)));
+        let axes = [(DVec3::X, lo.x, hi.x), (DVec3::Y, lo.y, hi.y), (DVec3::Z, lo.z, hi.z)];
+        let planes = axes.into_iter().flat_map(|(axis, lo, hi)| [(axis, hi), (-axis, -lo)]).collect();
+        Self { origin, corners, first: a.corners.len(), planes, touch }
     }
 
     /// The corners of both polygons, relative to the origin.
@@ -194,9 +192,35 @@ impl Shaft {
         }
         // In a convex room every wall has the whole shaft on one side.
         let normal = area_vector(polygon).normalize_or_zero();
-        let offset = normal.dot(polygon[0] - self.origin);
-        let [lo, hi] = range(&self.corners, normal);
-        lo < offset - self.touch && hi > offset + self.touch
+        let heights: ArrayVec<f64, { 2 * MAX_CORNERS }> =
+            self.corners.iter().map(|&x| normal.dot(x + self.origin - polygon[0])).collect();
+        let [lo, hi] = extremes(heights.iter().copied());
+        lo < -self.touch && hi > self.touch && !self.passes_an_edge(polygon, normal, &heights)
+    }
+
+    /// Whether a plane through an edge of a convex polygon has the polygon on one side and the shaft on the other. Between
+    /// two convex bodies there is such a plane, or a facet of one of them, or they meet; `heights` are those of the shaft's
+    /// corners over the polygon's plane.
+    ///
+    /// With a the distance of a corner x of the shaft from the edge, inwards in the polygon's plane, and b its height, the
+    /// plane is a = m b, and x is to have a ≤ m b.
+    fn passes_an_edge(&self, polygon: &[DVec3], normal: DVec3, heights: &[f64]) -> bool {
+        (0..polygon.len()).any(|k| {
+            let (from, edge) = (polygon[k] - self.origin, polygon[(k + 1) % polygon.len()] - polygon[k]);
+            let inwards = normal.cross(edge);
+            let touch = self.touch * inwards.length();
+            let (mut least, mut greatest) = (f64::NEG_INFINITY, f64::INFINITY);
+            for (x, &b) in self.corners.iter().zip(heights) {
+                let a = inwards.dot(*x - from) - touch;
+                if b.abs() > self.touch {
+                    let slope = a / b;
+                    if b > 0.0 { least = least.max(slope) } else { greatest = greatest.min(slope) }
+                } else if a > 0.0 {
+                    return false;
+                }
+            }
+            least <= greatest && inwards != DVec3::ZERO
+        })
     }
 
     /// Whether a convex planar polygon blocks every segment of the shaft.
@@ -237,8 +261,12 @@ impl Shaft {
 
 /// The least and the greatest of the corners along a direction.
 fn range(polygon: &[DVec3], direction: DVec3) -> [f64; 2] {
-    polygon.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], corner| {
-        let x = direction.dot(*corner);
+    extremes(polygon.iter().map(|corner| direction.dot(*corner)))
+}
+
+/// The least and the greatest.
+fn extremes(numbers: impl Iterator<Item = f64>) -> [f64; 2] {
+    numbers.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], x| {
         [if x < lo { x } else { lo }, if x > hi { x } else { hi }]
     })
 }
@@ -322,5 +350,63 @@ impl Bvh {
             }
         }
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::quadrature::sequence::{hash, unit};
+
+    /// What of a polygon is in a shaft, up to what may touch it.
+    fn inside(shaft: &Shaft, polygon: &[DVec3]) -> Vec<DVec3> {
+        let cut = |polygon: Vec<DVec3>, &(n, d): &(DVec3, f64)| {
+            let below = |p: DVec3| d - 2.0 * shaft.touch - n.dot(p - shaft.origin);
+            let corners = (0..polygon.len()).flat_map(|k| {
+                let (p, q) = (polygon[k], polygon[(k + 1) % polygon.len()]);
+                let (from, to) = (below(p), below(q));
+                let crossing =
+                    (from < 0.0 && to > 0.0 || from > 0.0 && to < 0.0).then(|| p + (q - p) * (from / (from - to)));
+                (from >= 0.0).then_some(p).into_iter().chain(crossing)
+            });
+            corners.collect()
+        };
+        shaft.planes.iter().fold(polygon.to_vec(), cut)
+    }
+
+    /// Between convex bodies the candidates are those that reach into the shaft, and no others.
+    #[test]
+    fn what_may_block_is_what_reaches_into_the_shaft() {
+        let point = |k: u64| DVec3::from_array([0, 1, 2].map(|axis| unit(hash(k, axis)) - 0.5));
+        let (mut beside, mut by_an_edge) = (0, 0);
+        for round in 0..5000 {
+            let corners = |k: u64, size: f64, center: DVec3| -> Vec<DVec3> {
+                let (u, v) = (point(100 * round + k) * size, point(100 * round + k + 1) * size);
+                [u + v, u - v, -u - v, v - u].map(|p| center + p).to_vec()
+            };
+            let (a, b) = (corners(0, 0.4, DVec3::ZERO), corners(2, 0.4, DVec3::X));
+            let wall = corners(4, 1.5, DVec3::X * 0.5 + point(100 * round + 6) * 1.4);
+            let shaft = Shaft::new(&a, &b);
+            let reaches = inside(&shaft, &wall).len() >= 3;
+            assert_eq!(shaft.may_block(&wall), reaches, "{a:?} {b:?} {wall:?}");
+            let facets = shaft.planes.iter().any(|(n, d)| wall.iter().all(|&p| n.dot(p - shaft.origin) >= *d));
+            beside += usize::from(!reaches);
+            by_an_edge += usize::from(!reaches && !facets);
+        }
+        assert!(beside < 4500 && by_an_edge > 100, "{beside} {by_an_edge}");
+    }
+
+    /// Floor and ceiling on both sides of the inner edge of an L-shaped room, which the view passes at a distance.
+    #[test]
+    fn a_view_past_the_edge_of_a_wall_is_clear() {
+        let square = |x: f64, y: f64, z: f64| {
+            [[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]].map(|[u, v]| DVec3::new(x + u, y + v, z))
+        };
+        let shaft = Shaft::new(&square(1.0, 0.5, 1.0), &square(0.5, 1.0, 0.0));
+        for along in [DVec3::X, DVec3::Y] {
+            let edge = DVec3::new(1.0, 1.0, 0.0);
+            let wall = [edge, edge + along, edge + along + DVec3::Z, edge + DVec3::Z];
+            assert!(!shaft.may_block(&wall), "{along}");
+        }
     }
 }

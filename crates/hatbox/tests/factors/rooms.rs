@@ -57,6 +57,17 @@ fn the_rows_of_finely_furnished_rooms_sum_to_one() {
     assert_rows(&[("L", l_room(), 6), ("table", table(), 4), ("boxes", boxes(1), 4), ("more boxes", boxes(2), 4)]);
 }
 
+/// A view past an edge that two walls share is clear, or each of them is seen to hide what the other does.
+#[test]
+fn the_estimate_of_an_l_shaped_room_follows_the_tolerance() {
+    for digits in 3..=6 {
+        let tolerance = 0.1_f64.powi(digits);
+        let found = factors(&divided(&l_room(), 3), tolerance);
+        let (estimate, error) = (found.statistics.quadrature_error, found.check().max_row_sum_error);
+        assert!(error < estimate && estimate < 2.0 * tolerance, "{tolerance}: {estimate}, {error}");
+    }
+}
+
 /// Every row of rooms divided n times sums to one, to the tolerance and to the estimate.
 fn assert_rows(rooms: &[(&str, Vec<Corners>, usize)]) {
     for (name, faces, n) in rooms {

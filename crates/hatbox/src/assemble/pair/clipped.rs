@@ -93,27 +93,31 @@ pub(super) fn row(source: &Panel, from: &Region, polygons: &[&[DVec3]], x: DVec3
         (above_both.len() >= 3).then_some(above_both)
     };
     let blockers: Vec<Blocker> = polygons.iter().filter_map(between).map(Blocker::new).collect();
-    visible_row(source, from, &blockers, (x, n), &mut Vec::new(), |_| {})
+    // Nobody asks which blockers hide something.
+    let mut affected = u32::MAX;
+    visible_row(source, from, &blockers, (x, n), &mut Vec::new(), &mut affected)
 }
 
-/// ∫N_k G V over a part of a panel at a point with a normal; `found` hears of the blockers that hide some of it, `pieces`
-/// is scratch space.
+/// ∫N_k G V over a part of a panel at a point with a normal; `affected` gets a bit for each blocker that hides some of it,
+/// alone or behind others, `pieces` is scratch space.
 fn visible_row(
     source: &Panel,
     from: &Region,
     blockers: &[Blocker],
     (x, n): (DVec3, DVec3),
     pieces: &mut Vec<Polygon>,
-    mut found: impl FnMut(usize),
+    affected: &mut u32,
 ) -> Option<[f64; MAX_DOFS]> {
     pieces.clear();
     pieces.push(from.corners().iter().copied().collect());
     let mut hidden = false;
     for (k, blocker) in blockers.iter().enumerate() {
-        if remove_cone(pieces, x, blocker) {
-            hidden = true;
-            found(k);
+        let removed = remove_cone(pieces, x, blocker);
+        let bit = 1_u32.checked_shl(k as u32).unwrap_or(0);
+        if removed || (hidden && *affected & bit == 0 && hides_some(from, x, blocker)) {
+            *affected |= bit;
         }
+        hidden |= removed;
     }
     if pieces.len() > MAX_PIECES {
         return None;
@@ -136,7 +140,7 @@ struct Shadow<'a> {
     blockers: &'a [Blocker],
     /// Pieces of the source.
     scratch: RefCell<Vec<Polygon>>,
-    /// Bit k: a point of the receiver has missed some of the source because of blocker k.
+    /// Bit k: blocker k hides some of the source from a point of the receiver that has been asked.
     affected: Cell<u32>,
     /// The source has come to too many pieces.
     overflowed: Cell<bool>,
@@ -191,9 +195,10 @@ impl<'a> Shadow<'a> {
         if self.overflowed.get() {
             return [0.0; MAX_DOFS];
         }
-        let found = |k: usize| self.affected.set(self.affected.get() | 1_u32.checked_shl(k as u32).unwrap_or(0));
+        let mut affected = self.affected.get();
         let (receiver, pieces) = ((x, self.receiver.normal()), &mut self.scratch.borrow_mut());
-        let row = visible_row(self.source, self.from, self.blockers, receiver, pieces, found);
+        let row = visible_row(self.source, self.from, self.blockers, receiver, pieces, &mut affected);
+        self.affected.set(affected);
         row.unwrap_or_else(|| {
             self.overflowed.set(true);
             [0.0; MAX_DOFS]
@@ -268,19 +273,9 @@ impl Blocker {
 /// Pieces are kept where they are: each is a third of a kilobyte, and cutting takes no longer than moving
 /// them about.
 fn remove_cone(pieces: &mut Vec<Polygon>, x: DVec3, blocker: &Blocker) -> bool {
-    let rays: Polygon = blocker.outline.iter().map(|&corner| corner - x).collect();
-    let height = blocker.normal.dot(rays[0]);
-    if height.abs() <= EDGE_ON * blocker.normal.length() * rays[0].length() {
-        return false;
-    }
-    // Inward normals of the cone's sides.
     let mut sides = Polygon::new();
-    for (k, ray) in rays.iter().enumerate() {
-        let side = ray.cross(rays[if k + 1 < rays.len() { k + 1 } else { 0 }]) * height.signum();
-        if pieces.iter().all(|piece| misses(piece, x, side)) {
-            return false;
-        }
-        sides.push(side);
+    if !cone(pieces, x, blocker, &mut sides) {
+        return false;
     }
     for side in &mut sides {
         *side = side.normalize_or_zero();
@@ -296,6 +291,26 @@ fn remove_cone(pieces: &mut Vec<Polygon>, x: DVec3, blocker: &Blocker) -> bool {
         pieces.retain(|piece| !piece.is_empty());
     }
     hidden
+}
+
+/// Whether a convex polygon hides a part of a region from `x`.
+fn hides_some(from: &Region, x: DVec3, blocker: &Blocker) -> bool {
+    cone(&[from.corners().iter().copied().collect()], x, blocker, &mut Polygon::new())
+}
+
+/// Puts the inward normals of the sides of the cone that a convex polygon hides from `x` into `sides`; false if all pieces
+/// are on the outer side of one of them, or the polygon is seen edge-on.
+fn cone(pieces: &[Polygon], x: DVec3, blocker: &Blocker, sides: &mut Polygon) -> bool {
+    let rays: Polygon = blocker.outline.iter().map(|&corner| corner - x).collect();
+    let height = blocker.normal.dot(rays[0]);
+    if height.abs() <= EDGE_ON * blocker.normal.length() * rays[0].length() {
+        return false;
+    }
+    (0..rays.len()).all(|k| {
+        let side = rays[k].cross(rays[if k + 1 < rays.len() { k + 1 } else { 0 }]) * height.signum();
+        sides.push(side);
+        !pieces.iter().all(|piece| misses(piece, x, side))
+    })
 }
 
 /// Whether no point of a polygon is on the inner side of a plane through `x`.
