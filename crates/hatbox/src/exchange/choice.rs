@@ -6,7 +6,7 @@
 //! things take 97 seconds for what rays do in two, and as many in an empty room take three.
 
 use super::{ALL, Dense, Geometry, Kind, Params, Sampled, sampled};
-use crate::mesh::{Mesh, Patch};
+use crate::mesh::Patch;
 use crate::quadrature::sequence::{hash, point, unit};
 use crate::scene::Scene;
 use crate::visibility::{Bvh, Visibility};
@@ -17,6 +17,8 @@ use rayon::prelude::*;
 /// (`cargo bench -p hatbox --bench operators -- choice`).
 const CLEAR: f64 = 0.7e-6;
 const PARTIAL: f64 = 100e-6;
+/// The same if one of the pair shines, whose shadows are cut out wherever they are seen.
+const PARTIAL_LIT: f64 = 600e-6;
 const RAY: f64 = 1e-6;
 /// All pairs, which leave no noise, are worth so many CPU seconds.
 const PATIENCE: f64 = 25.0;
@@ -70,12 +72,12 @@ pub fn choose(problem: &Problem<'_>) -> (&'static Kind, String) {
     }
     let mesh = &problem.scene.mesh;
     let pairs = 0.5 * (mesh.cells.len() as f64).powi(2);
-    let [clear, partial] = shares(mesh, problem.blockers);
+    let [clear, partial, lit] = shares(problem.scene, problem.blockers);
     let entries = (problem.coefficients as f64 / mesh.cells.len() as f64 / 3.0).powi(2);
-    let all_pairs = pairs * (CLEAR * entries * clear + PARTIAL * partial);
+    let all_pairs = pairs * (CLEAR * entries * clear + PARTIAL * partial + PARTIAL_LIT * lit);
     let rays = RAY * mesh.cells.len() as f64 * f64::from(sampled::rays_for(problem.tolerance, 1.0));
     let [seconds, with_rays] = [all_pairs, rays].map(|seconds| format!("{:.0} CPU seconds", seconds.max(1.0)));
-    let hidden = format!("{:.0} % of them partly hidden", 100.0 * partial);
+    let hidden = format!("{:.0} % of them partly hidden", 100.0 * (partial + lit));
     if all_pairs <= PATIENCE.max(rays) {
         (named(Dense::NAME), format!("all pairs, {hidden}, take about {seconds}"))
     } else {
@@ -94,15 +96,15 @@ impl Kind {
     }
 }
 
-/// Of all pairs of cells, the shares of those that see each other and of those that something hides a part of, as some of
-/// them have it.
-fn shares(mesh: &Mesh, blockers: &Bvh) -> [f64; 2] {
-    let cells = mesh.cells.len() as f64;
-    let look = |pair: u32| -> [u32; 2] {
-        let [i, j] = [0, 1].map(|end| (unit(hash(end, u64::from(pair))) * cells) as usize);
-        let [a, b] = [i, j].map(|cell| mesh.patch(cell));
+/// Of all pairs of cells, the shares of those that see each other, of those that something hides a part of, and of those of
+/// which one shines besides, as some of them have it.
+fn shares(scene: &Scene, blockers: &Bvh) -> [f64; 3] {
+    let (mesh, cells) = (&scene.mesh, scene.mesh.cells.len() as f64);
+    let look = |pair: u32| -> [u32; 3] {
+        let ends = [0, 1].map(|end| (unit(hash(end, u64::from(pair))) * cells) as usize);
+        let [a, b] = ends.map(|cell| mesh.patch(cell));
         let sees = |from: &Patch, to: DVec3| from.normal().dot(to - from.center()) > 0.0;
-        let surfaces = [i, j].map(|cell| mesh.cells[cell].surface);
+        let surfaces = ends.map(|cell| mesh.cells[cell].surface);
         let segment = |k: u32| {
             let [u, v, s, t] = point(hash(2, u64::from(pair)), k);
             let (x, y) = (a.point(a.shape().uniform([u, v])), b.point(b.shape().uniform([s, t])));
@@ -111,8 +113,10 @@ fn shares(mesh: &Mesh, blockers: &Bvh) -> [f64; 2] {
         };
         let found: Vec<bool> = (0..SEGMENTS).filter_map(segment).collect();
         let [free, hidden] = [false, true].map(|hidden| found.contains(&hidden));
-        [u32::from(free && !hidden), u32::from(free && hidden)]
+        let shines = ends.into_iter().any(|cell| !scene.material(cell).exitance.is_zero());
+        [free && !hidden, free && hidden && !shines, free && hidden && shines].map(u32::from)
     };
-    let sums = (0..PAIRS).into_par_iter().map(look).reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+    let sum = |a: [u32; 3], b: [u32; 3]| [0, 1, 2].map(|k| a[k] + b[k]);
+    let sums = (0..PAIRS).into_par_iter().map(look).reduce(|| [0; 3], sum);
     sums.map(|sum| f64::from(sum) / f64::from(PAIRS))
 }

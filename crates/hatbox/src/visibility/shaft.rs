@@ -203,7 +203,8 @@ impl Shaft {
     /// corners over the polygon's plane.
     ///
     /// With a the distance of a corner x of the shaft from the edge, inwards in the polygon's plane, and b its height, the
-    /// plane is a = m b, and x is to have a ≤ m b.
+    /// plane is a = m b, and x is to have a ≤ m b. That the polygon is inwards of its edges is not taken for granted: one that
+    /// is short enough has any direction.
     fn passes_an_edge(&self, polygon: &[DVec3], normal: DVec3, heights: &[f64]) -> bool {
         (0..polygon.len()).any(|k| {
             let (from, edge) = (polygon[k] - self.origin, polygon[(k + 1) % polygon.len()] - polygon[k]);
@@ -219,7 +220,8 @@ impl Shaft {
                     return false;
                 }
             }
-            least <= greatest && inwards != DVec3::ZERO
+            let is_inwards = |&corner: &DVec3| inwards.dot(corner - self.origin - from) >= -touch;
+            least <= greatest && touch > 0.0 && polygon.iter().all(is_inwards)
         })
     }
 

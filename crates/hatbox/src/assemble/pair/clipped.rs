@@ -42,6 +42,9 @@ const CRACK: f64 = 1e-7;
 const MAX_PIECES: usize = 64;
 /// Parts of the receiver at the most; what they leave is in the error.
 const MAX_PARTS: usize = 1024;
+/// Edges of blockers shorter than this, relative to the blocker, have no direction in f64, and are left out: one is left where a
+/// corner lies on the plane that a blocker is clipped at.
+const SHORT: f64 = 1e-8;
 /// Blockers closer to a point's line of sight than this, relative to their distance, are seen edge-on.
 const EDGE_ON: f64 = 1e-12;
 
@@ -58,9 +61,9 @@ pub(super) fn block(
     let between = |polygon: &&[DVec3]| {
         let above_a = clip(polygon, |p| a.normal().dot(p - a.patch.corners()[0]));
         let above_both = clip(&above_a, |p| b.normal().dot(p - b.patch.corners()[0]));
-        (above_both.len() >= 3).then_some(above_both)
+        Blocker::new(above_both)
     };
-    let blockers: Vec<Blocker> = polygons.iter().filter_map(between).map(Blocker::new).collect();
+    let blockers: Vec<Blocker> = polygons.iter().filter_map(between).collect();
     let distance =
         |panel: &Panel| blockers.iter().map(|blocker| remoteness(panel, blocker)).fold(f64::INFINITY, f64::min);
     let closed = [a, b].map(|panel| panel.functions.is_some());
@@ -90,9 +93,9 @@ pub(super) fn row(source: &Panel, from: &Region, polygons: &[&[DVec3]], x: DVec3
     let between = |polygon: &&[DVec3]| {
         let above_point = clip(polygon, |p| n.dot(p - x));
         let above_both = clip(&above_point, |p| source.normal().dot(p - source.patch.corners()[0]));
-        (above_both.len() >= 3).then_some(above_both)
+        Blocker::new(above_both)
     };
-    let blockers: Vec<Blocker> = polygons.iter().filter_map(between).map(Blocker::new).collect();
+    let blockers: Vec<Blocker> = polygons.iter().filter_map(between).collect();
     // Nobody asks which blockers hide something.
     let mut affected = u32::MAX;
     visible_row(source, from, &blockers, (x, n), &mut Vec::new(), &mut affected)
@@ -263,8 +266,13 @@ struct Blocker {
 }
 
 impl Blocker {
-    fn new(outline: Polygon) -> Self {
-        Self { normal: area_vector(&outline), outline }
+    /// `None` if it has no area.
+    fn new(mut outline: Polygon) -> Option<Self> {
+        let from = *outline.first()?;
+        let short = SHORT * outline.iter().map(|corner| corner.distance(from)).fold(0.0, f64::max);
+        let mut last = *outline.last()?;
+        outline.retain(|corner| corner.distance(std::mem::replace(&mut last, *corner)) > short);
+        (outline.len() >= 3).then(|| Self { normal: area_vector(&outline), outline })
     }
 }
 
