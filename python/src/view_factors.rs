@@ -69,8 +69,7 @@ impl Rows {
     fn of(factors: &ViewFactors) -> Self {
         let mut rows = Self { starts: vec![0], columns: Vec::new(), values: Vec::new() };
         let apart = |row: &[(u32, f64)]| row.iter().map(|&(j, value)| (i64::from(j), value)).unzip();
-        let made: Vec<(Vec<i64>, Vec<f64>)> = factors.map_nonzeros(|_, row| apart(row)).collect();
-        for (columns, values) in made {
+        for (columns, values) in factors.map_nonzeros(|_, row| -> (Vec<i64>, Vec<f64>) { apart(row) }) {
             rows.columns.extend(columns);
             rows.values.extend(values);
             rows.starts.push(rows.columns.len() as i64);

@@ -77,7 +77,7 @@ pub(crate) struct SolveArgs {
     #[arg(long, value_name = "N", default_value_t = options::adaptive_defaults().most_coefficients, value_parser = options::count)]
     pub(crate) max_unknowns: usize,
     /// Where the error counts: a material, an object, or a box X,Y,Z;X,Y,Z. Elsewhere only as far as it matters there
-    #[arg(long, value_name = "NAME|BOX", conflicts_with_all = ["max_edge", "elements"])]
+    #[arg(long, value_name = "NAME|BOX", conflicts_with_all = ["max_edge", "elements"], allow_hyphen_values = true)]
     pub(crate) focus: Option<String>,
     /// Gather the light once more at the vertices of the output: sharper shadows, half an order more accurate
     #[arg(long)]
@@ -228,6 +228,7 @@ pub(crate) struct RenderArgs {
 const RENDER_EXAMPLES: &str = "\
 Examples:
   hatbox render room.npz -o room.png
+  hatbox render room.npz -o room.png --direct
   hatbox render room.npz -o lux.png --quantity irradiance --false-color --exposure 500
   hatbox render room.npz -o room.exr --camera '2,1.6,3;0,1,0' --width 1920 --height 1080";
 
@@ -305,13 +306,18 @@ pub(crate) struct ViewArgs {
     /// What is shown
     #[arg(long, value_enum, default_value_t = Shown::Radiosity)]
     pub(crate) quantity: Shown,
+    /// Make the light of lamps afresh for every pixel: sharp shadows, however coarse the elements are
+    ///
+    /// It takes a visit of every lamp for every pixel and every element. Errors, which are no light, are shown as they are.
+    #[arg(long)]
+    pub(crate) direct: bool,
     /// Show luminance (lx, W/m²) in false colours with a scale
     #[arg(long)]
     pub(crate) false_color: bool,
     /// The value that is shown bright (in false colours, where the scale ends), in lm/m², lx or W/m²
     ///
     /// By default it is chosen so that surfaces that do not emit are well exposed.
-    #[arg(long, value_name = "VALUE", value_parser = options::positive)]
+    #[arg(long, value_name = "VALUE", value_parser = options::positive, allow_negative_numbers = true)]
     pub(crate) exposure: Option<f64>,
     /// Pixels in a row
     #[arg(long, value_name = "PIXELS", default_value_t = 960, value_parser = clap::value_parser!(u32).range(1..=32768))]

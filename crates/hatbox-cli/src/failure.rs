@@ -21,7 +21,10 @@ pub(crate) fn report(failure: Failure) -> ExitCode {
             ExitCode::from(1)
         }
         Failure::Interrupted => {
-            let _ = writeln!(std::io::stderr(), "interrupted; nothing was left behind");
+            let _ = writeln!(
+                std::io::stderr(),
+                "interrupted; no file is half-written, finished ones and a checkpoint stay"
+            );
             ExitCode::from(interrupt::STATUS)
         }
     }

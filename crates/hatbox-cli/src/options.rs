@@ -126,6 +126,8 @@ pub(crate) fn write<'a>(args: &ViewArgs, scene: Option<Camera>, progress: &'a dy
             height: args.height as usize,
             samples: args.samples as usize,
             shown,
+            // An error is no light.
+            direct: args.direct && args.quantity != Shown::Error,
         },
         exposure: args.exposure.map(|value| Exposure { scale: BRIGHT / value }),
         false_color: args.false_color,

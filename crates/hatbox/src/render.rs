@@ -3,11 +3,17 @@
 //! A ray shows the nearest cell that faces the camera; backs are see-through, so that a closed room can be looked into
 //! from outside. Where a material varies over the surface the radiosity is put together at the point, B = B⁰ + R E, and
 //! the texture is crisp however coarse the elements are; elsewhere the expansion is shown, [limited].
+//!
+//! Functions on elements do not follow the edges of shadows. With [`RenderOptions::direct`] the light of lamps is made afresh
+//! for every pixel and surface in it ([`Direct`]), exactly, and put in the place of what functions have of it: shadows are as
+//! sharp as they are, and what elements are left with is reflected light, which is smooth.
 
 use crate::bake::{limited, rgb};
+use crate::element::MAX_DOFS;
+use crate::linalg::{LinearOperator, MultiVector};
 use crate::mesh::Mesh;
 use crate::progress::{Interrupted, Progress};
-use crate::radiosity::{Shown, Solution};
+use crate::radiosity::{Direct, Projected, Shown, Solution};
 use crate::scene::Camera;
 use crate::visibility::Bvh;
 use glam::DVec3;
@@ -26,11 +32,13 @@ pub struct RenderOptions {
     pub samples: usize,
     /// B or E.
     pub shown: Shown,
+    /// Whether the light of lamps is made afresh for every pixel.
+    pub direct: bool,
 }
 
 impl Default for RenderOptions {
     fn default() -> Self {
-        Self { camera: None, width: 960, height: 720, samples: 4, shown: Shown::Radiosity }
+        Self { camera: None, width: 960, height: 720, samples: 4, shown: Shown::Radiosity, direct: false }
     }
 }
 
@@ -52,11 +60,14 @@ pub struct Image {
 /// [`Interrupted`] if `progress` says so.
 pub fn render(solution: &Solution, options: &RenderOptions, progress: &dyn Progress) -> Result<Image, Interrupted> {
     let &RenderOptions { width, height, samples, shown, .. } = options;
-    let solution = &limited(solution);
+    let lit = options.direct.then(|| Lit::new(solution, progress)).transpose()?;
+    // What is limited is no projection any more, and light could not be taken out of it.
+    let limited = lit.is_none().then(|| limited(solution));
+    let solution = limited.as_ref().unwrap_or(solution);
     let aspect = width as f64 / height.max(1) as f64;
     let camera = options.camera.or(solution.scene.camera);
     let camera = camera.unwrap_or_else(|| fitting_camera(&solution.scene.mesh, DVec3::Y, aspect));
-    let view = View { solution, shown, frame: Frame::new(&camera), cells: cells(&solution.scene.mesh) };
+    let view = View { solution, shown, lit, frame: Frame::new(&camera), cells: cells(&solution.scene.mesh) };
     progress.begin("render", height as u64);
     let mut pixels = vec![[0.0; 4]; width * height];
     let rows = pixels.par_chunks_mut(width.max(1)).enumerate();
@@ -125,6 +136,7 @@ impl Frame {
 struct View<'a> {
     solution: &'a Solution,
     shown: Shown,
+    lit: Option<Lit<'a>>,
     frame: Frame,
     cells: Bvh,
 }
@@ -132,13 +144,13 @@ struct View<'a> {
 impl View<'_> {
     fn pixel(&self, [x, y]: [usize; 2], [width, height]: [usize; 2], samples: usize) -> [f32; 4] {
         let step = 1.0 / samples as f64;
-        let mut sum = [0.0; 4];
+        let (mut sum, mut lights) = ([0.0; 4], Lights::new());
         for k in 0..samples * samples {
             let (dx, dy) = ((k % samples) as f64 + 0.5, (k / samples) as f64 + 0.5);
             let (px, py) = (x as f64 + dx * step, y as f64 + dy * step);
             let half_height = 0.5 * height as f64;
             let direction = self.frame.direction((px - 0.5 * width as f64) / half_height, 1.0 - py / half_height);
-            if let Some([r, g, b]) = self.color(direction) {
+            if let Some([r, g, b]) = self.color(direction, &mut lights) {
                 sum = [sum[0] + r, sum[1] + g, sum[2] + b, sum[3] + 1.0];
             }
         }
@@ -146,13 +158,99 @@ impl View<'_> {
     }
 
     /// What is seen in a direction.
-    fn color(&self, direction: DVec3) -> Option<[f64; 3]> {
+    fn color(&self, direction: DVec3, lights: &mut Lights) -> Option<[f64; 3]> {
         let hit = self.cells.closest_hit(self.frame.eye, direction, f64::INFINITY, |_, front| front)?;
         let cell = hit.id as usize;
         let at = self.solution.scene.mesh.patch(cell).locate(self.frame.eye + hit.t * direction);
         let bands = 0..self.solution.bands();
-        Some(rgb(&bands.map(|band| value(self.solution, self.shown, cell, at, band)).collect::<Vec<_>>()))
+        let values: Vec<f64> = match &self.lit {
+            Some(lit) => lit.values(self.shown, cell, at, lights),
+            None => bands.map(|band| value(self.solution, self.shown, cell, at, band)).collect(),
+        };
+        Some(rgb(&values))
     }
+}
+
+/// The light of lamps on the surfaces in a pixel, per band.
+type Lights = Vec<(u32, Vec<f64>)>;
+
+/// A solution whose lamps send their light anew.
+struct Lit<'a> {
+    solution: &'a Solution,
+    direct: Direct<'a>,
+    /// The rest of the irradiance, joined where the solution is.
+    reflected: MultiVector,
+}
+
+impl<'a> Lit<'a> {
+    fn new(solution: &'a Solution, progress: &dyn Progress) -> Result<Self, Interrupted> {
+        let (direct, space) = (Direct::new(solution), &solution.space);
+        progress.begin("direct light", space.cells() as u64);
+        let project = |cell: usize| {
+            progress.advance(1);
+            if progress.interrupted() { Err(Interrupted) } else { Ok(direct.projected(cell)) }
+        };
+        let projected: Vec<Projected> = (0..space.cells()).into_par_iter().map(project).collect::<Result<_, _>>()?;
+        progress.end();
+        let mut reflected = solution.irradiance.clone();
+        for (cell, projected) in projected.iter().enumerate() {
+            for band in 0..solution.bands() {
+                let rest = reflected.band_mut(band)[space.range(cell)].iter_mut();
+                rest.zip(projected.band(band, space.element(cell))).for_each(|(rest, light)| *rest -= light);
+            }
+        }
+        Ok(Self { solution, direct, reflected: joined(solution, &reflected) })
+    }
+
+    /// E or B⁰ + R E at a point of a cell, in each band, with the light of lamps as it falls in the pixel.
+    fn values(&self, shown: Shown, cell: usize, at: [f64; 2], lights: &mut Lights) -> Vec<f64> {
+        let Self { solution, direct, reflected } = self;
+        let (scene, space) = (&solution.scene, &solution.space);
+        let surface = scene.mesh.cells[cell].surface;
+        let known = lights.iter().position(|(of, _)| *of == surface);
+        let known = known.unwrap_or_else(|| {
+            lights.push((surface, direct.light(cell, at, 0)));
+            lights.len() - 1
+        });
+        let functions: [f64; MAX_DOFS] = space.element(cell).values(at);
+        let (material, site) = (scene.material(cell), scene.site(cell, at));
+        let value = |(band, light): (usize, &f64)| {
+            let coefficients = reflected.band(band)[space.range(cell)].iter();
+            let rest: f64 = coefficients.zip(functions).map(|(c, n)| c * n).sum();
+            let irradiance = (rest + light).max(0.0);
+            match shown {
+                Shown::Irradiance => irradiance,
+                Shown::Radiosity => {
+                    material.exitance.at(&site, band) + material.reflectance.at(&site, band) * irradiance
+                }
+            }
+        };
+        lights[known].1.iter().enumerate().map(value).collect()
+    }
+}
+
+/// A broken function with the values at joined nodes replaced by their means, each weighted by the area of its cell.
+fn joined(solution: &Solution, broken: &MultiVector) -> MultiVector {
+    let (mesh, space) = (&solution.scene.mesh, &solution.space);
+    let Some(continuity) = space.continuity() else { return broken.clone() };
+    let mut joined = broken.clone();
+    for band in 0..broken.bands() {
+        let mut sums = vec![[0.0; 2]; continuity.cols()];
+        for cell in 0..space.cells() {
+            let area = mesh.patch(cell).area();
+            for dof in space.range(cell) {
+                for (unknown, share) in continuity.row(dof) {
+                    sums[unknown][0] += share * area * broken.band(band)[dof];
+                    sums[unknown][1] += share * area;
+                }
+            }
+        }
+        let mean = |[sum, area]: [f64; 2]| if area > 0.0 { sum / area } else { 0.0 };
+        for (dof, value) in joined.band_mut(band).iter_mut().enumerate() {
+            *value = continuity.row(dof).map(|(unknown, share)| share * mean(sums[unknown])).sum();
+        }
+    }
+    joined
 }
 
 /// The value at a point of a cell, with the material's detail where it varies over the cell.

@@ -63,25 +63,29 @@ fn every_kind_is_solved_by_rays() {
     }
 }
 
-/// Among many small things all pairs take minutes, in an empty room seconds, and none where memory is short.
+/// Among many small things all pairs take minutes, more so if they shine, in an empty room seconds, and none where memory is
+/// short.
 #[test]
 fn rays_are_chosen_where_much_is_partly_hidden() {
     let clutter = scene(kinds::ALL.iter().find(|kind| kind.name == "clutter").expect("a kind"), 500).0;
     let cube = read_scene(std::path::Path::new("../../scenes/cube.toml")).expect("a sample").0;
-    let chosen = |scene: &Scene, elements: usize, memory: usize| {
+    let chosen = |scene: &Scene, elements: usize, memory: usize, strength: f64| {
         let scene = scene.refined(Refinement::Elements(elements), Options::default().basis).expect("refined");
         let blockers = Bvh::of_surfaces(&scene.surfaces);
         let coefficients = 3 * scene.mesh.cells.len();
-        exchange::choose(&Problem { scene: &scene, blockers: &blockers, coefficients, tolerance: 0.01, memory })
+        let strengths = vec![strength; scene.mesh.cells.len()];
+        let (scene, blockers, strengths) = (&scene, &blockers, &strengths);
+        exchange::choose(&Problem { scene, blockers, strengths, coefficients, tolerance: 0.01, memory })
     };
-    for (scene, elements, memory, expected, word) in [
-        (&clutter, 4000, 8 << 30, exchange::Sampled::NAME, "partly hidden"),
-        (&clutter, 600, 8 << 30, exchange::Dense::NAME, "partly hidden"),
-        (&cube, 4000, 8 << 30, exchange::Dense::NAME, "0 % of them partly hidden"),
-        (&cube, 4000, 1 << 20, exchange::Sampled::NAME, "MB allowed"),
-        (&cube, 60_000, 400 << 30, exchange::Sampled::NAME, "CPU seconds, rays"),
+    for (scene, elements, memory, strength, expected, word) in [
+        (&clutter, 4000, 8 << 30, 1.0, exchange::Sampled::NAME, "partly hidden"),
+        (&clutter, 1000, 8 << 30, 1.0, exchange::Dense::NAME, "partly hidden"),
+        (&clutter, 1000, 8 << 30, 9.0, exchange::Sampled::NAME, "partly hidden"),
+        (&cube, 4000, 8 << 30, 9.0, exchange::Dense::NAME, "0 % of them partly hidden"),
+        (&cube, 4000, 1 << 20, 1.0, exchange::Sampled::NAME, "MB allowed"),
+        (&cube, 60_000, 400 << 30, 1.0, exchange::Sampled::NAME, "CPU seconds, rays"),
     ] {
-        let (kind, why) = chosen(scene, elements, memory);
+        let (kind, why) = chosen(scene, elements, memory, strength);
         assert_eq!(kind.name, expected, "{elements} {memory}: {why}");
         assert!(why.contains(word), "{why}");
     }

@@ -9,8 +9,9 @@ use hatbox::mesh::Refinement;
 use hatbox::probe::Probe;
 use hatbox::progress::{Interrupted, Progress, Silent};
 use hatbox::quadrature::rule;
-use hatbox::radiosity::{Options, Solution, solve};
-use hatbox::scene::Quantity;
+use hatbox::radiosity::{Options, Shown, Solution, solve};
+use hatbox::render::{RenderOptions, render};
+use hatbox::scene::{Camera, Quantity};
 use meshes::shadow::{EXITANCE, LAMP, SHEET, scene};
 use std::f64::consts::PI;
 
@@ -64,6 +65,28 @@ fn the_light_of_a_lamp_is_exact_at_points_on_either_side_of_a_hard_shadow_in_any
             // B = B⁰ + R E: what is added to E is reflected.
             assert!((0.5 * (e - e_plain) - (b - b_plain)).abs() < 1e-12, "{}: {e} {b}", basis.name);
         }
+    }
+}
+
+/// A row of pixels along y = 0, from above the floor and below the sheet.
+#[test]
+fn a_picture_with_direct_light_has_the_hard_shadow_where_it_is() {
+    let (width, eye) = (20, DVec3::new(0.45, 0.0, 0.25));
+    let half = 0.063_f64;
+    let camera = Camera { eye, target: DVec3::new(0.45, 0.0, 0.0), up: DVec3::Y, fov_y: 2.0 * half.atan() };
+    let x = |pixel: usize| eye.x + eye.z * half * (2.0 * pixel as f64 + 1.0 - width as f64);
+    let solution = solution(&ALL[1]);
+    let error = |shown: Shown, direct: bool| {
+        let options = RenderOptions { camera: Some(camera), width, height: 1, samples: 1, shown, direct };
+        let image = render(&solution, &options, &Silent).expect("nobody stops it");
+        // The floor reflects half.
+        let factor = if shown == Shown::Radiosity { 0.5 } else { 1.0 };
+        let error = |(k, pixel): (usize, &[f32; 4])| (f64::from(pixel[1]) - factor * exact(x(k))).abs();
+        image.pixels.iter().enumerate().map(error).fold(0.0, f64::max) / exact(0.8)
+    };
+    for shown in [Shown::Radiosity, Shown::Irradiance] {
+        let (sharp, blurred) = (error(shown, true), error(shown, false));
+        assert!(sharp < 2e-3 && blurred > 0.02, "{shown:?}: {sharp} instead of {blurred}");
     }
 }
 

@@ -7,6 +7,10 @@
 //! elements become small where a shadow's border passes and towards the edges of rooms. Only borders narrower than the
 //! first elements are cut into them beforehand (`borders`).
 //!
+//! A first mesh that is graded towards the edges of faces is the user's choice. To grade it always was tried: linear functions in
+//! an empty cube need a tenth fewer unknowns and quadratic ones err by a fifth with twice as many, but on the Cornell box to
+//! 0.5 %, where shadows decide, estimates were up to 1.6 times greater with as many unknowns.
+//!
 //! Every round builds its operator afresh. Blocks of cells that did not change could be copied from the last one: vertices
 //! keep their numbers and rays are seeded by them, so that the copies would be the same to the last bit.
 
@@ -120,7 +124,8 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
     loop {
         let started = Instant::now();
         let asked = options.tolerance / strictness.factor;
-        let (kind, why) = options.solve.operator.chosen(&problem(&scene, &blockers, options, asked));
+        let strengths = radiosity::strengths(&scene);
+        let (kind, why) = options.solve.operator.chosen(&problem(&scene, &blockers, &strengths, options, asked));
         let loosest = (kind.looseness * options.tolerance).min(OPERATOR_LOOSEST);
         (settings.operator, settings.tolerance) = (kind, loosest / strictness.factor);
         let mut system = System::of_cells(scene, &settings, progress)?;
@@ -199,10 +204,16 @@ impl Strictness {
 }
 
 /// What an operator is to be chosen for, if the light is asked to a tolerance.
-fn problem<'a>(scene: &'a Scene, blockers: &'a Bvh, options: &Options, tolerance: f64) -> Problem<'a> {
+fn problem<'a>(
+    scene: &'a Scene,
+    blockers: &'a Bvh,
+    strengths: &'a [f64],
+    options: &Options,
+    tolerance: f64,
+) -> Problem<'a> {
     let coefficients = scene.mesh.cells.len() * options.solve.basis.triangle.dofs();
     let of_rays = exchange::kind(Sampled::NAME).map_or(1.0, |kind| kind.looseness);
-    Problem { scene, blockers, coefficients, tolerance: of_rays * tolerance, memory: options.solve.memory }
+    Problem { scene, blockers, strengths, coefficients, tolerance: of_rays * tolerance, memory: options.solve.memory }
 }
 
 /// The next mesh, and the cell that each of its cells is a piece of; `None` if there is no error to refine for (what is

@@ -1,10 +1,12 @@
 //! Which kind of operator suits a problem: what all pairs would cost, against what rays would.
 //!
 //! A pair of cells that see each other fully takes a microsecond; one with something between a hundred, since what is visible
-//! is cut out (36 in the Cornell box, 170 among furniture), and eight times as long if one of them shines, which counts more
-//! (nearly all that are partly hidden in a city under its sky). How many of these there are is asked of some pairs with a few
-//! segments each. A limit of coefficients alone was tried: 3000 elements among small
-//! things take 97 seconds for what rays do in two, and as many in an empty room take three.
+//! is cut out (36 in the Cornell box, 170 among furniture); and eight times that if one of them shines and so counts more:
+//! nearly all that are partly hidden in a city under its sky. How many of these there are is asked of some pairs with a few
+//! segments each.
+//!
+//! A limit of coefficients alone was tried: 3000 elements among small things take 97 seconds for what rays do in two, and as
+//! many in an empty room take three.
 
 use super::{ALL, Dense, Geometry, Kind, Params, Sampled, sampled};
 use crate::mesh::Patch;
@@ -42,6 +44,8 @@ pub struct Problem<'a> {
     pub scene: &'a Scene,
     /// The faces of the input.
     pub blockers: &'a Bvh,
+    /// How strongly light from each cell counts, as in [`Params::strengths`].
+    pub strengths: &'a [f64],
     /// Coefficients of the broken space.
     pub coefficients: usize,
     /// The relative error that rays may have.
@@ -52,10 +56,11 @@ pub struct Problem<'a> {
 
 impl<'a> Problem<'a> {
     /// That of an operator with these parameters.
-    pub fn of(geometry: &Geometry<'a>, params: &Params) -> Self {
+    pub fn of(geometry: &Geometry<'a>, params: &'a Params) -> Self {
         Self {
             scene: geometry.scene,
             blockers: geometry.blockers,
+            strengths: &params.strengths,
             coefficients: geometry.space.broken_dofs(),
             tolerance: params.tolerance,
             memory: params.memory,
@@ -73,7 +78,7 @@ pub fn choose(problem: &Problem<'_>) -> (&'static Kind, String) {
     }
     let mesh = &problem.scene.mesh;
     let pairs = 0.5 * (mesh.cells.len() as f64).powi(2);
-    let [clear, partial, lit] = shares(problem.scene, problem.blockers);
+    let [clear, partial, lit] = shares(problem);
     let entries = (problem.coefficients as f64 / mesh.cells.len() as f64 / 3.0).powi(2);
     let all_pairs = pairs * (CLEAR * entries * clear + PARTIAL * partial + PARTIAL_LIT * lit);
     let rays = RAY * mesh.cells.len() as f64 * f64::from(sampled::rays_for(problem.tolerance, 1.0));
@@ -99,8 +104,9 @@ impl Kind {
 
 /// Of all pairs of cells, the shares of those that see each other, of those that something hides a part of, and of those of
 /// which one shines besides, as some of them have it.
-fn shares(scene: &Scene, blockers: &Bvh) -> [f64; 3] {
-    let (mesh, cells) = (&scene.mesh, scene.mesh.cells.len() as f64);
+fn shares(problem: &Problem<'_>) -> [f64; 3] {
+    let Problem { blockers, strengths, .. } = problem;
+    let (mesh, cells) = (&problem.scene.mesh, problem.scene.mesh.cells.len() as f64);
     let look = |pair: u32| -> [u32; 3] {
         let ends = [0, 1].map(|end| (unit(hash(end, u64::from(pair))) * cells) as usize);
         let [a, b] = ends.map(|cell| mesh.patch(cell));
@@ -114,7 +120,7 @@ fn shares(scene: &Scene, blockers: &Bvh) -> [f64; 3] {
         };
         let found: Vec<bool> = (0..SEGMENTS).filter_map(segment).collect();
         let [free, hidden] = [false, true].map(|hidden| found.contains(&hidden));
-        let shines = ends.into_iter().any(|cell| !scene.material(cell).exitance.is_zero());
+        let shines = ends.into_iter().any(|cell| strengths.get(cell).is_some_and(|&strength| strength > 1.0));
         [free && !hidden, free && hidden && !shines, free && hidden && shines].map(u32::from)
     };
     let sum = |a: [u32; 3], b: [u32; 3]| [0, 1, 2].map(|k| a[k] + b[k]);

@@ -38,8 +38,10 @@ const ALL_ESCAPE_RAYS: usize = 200_000;
 const SCATTER: f64 = 3.0;
 /// Relative error of the row sums up to which S counts as balanced.
 const BALANCED: f64 = 1e-11;
-/// Steps of the scaling: each about squares what is left of the deficit.
+/// Steps of the scaling: each about squares what is left of the deficit, or divides it by a million.
 const STEPS: usize = 8;
+/// S is not scaled where the light would have to be multiplied by more than this or less than its inverse somewhere.
+const GREATEST_FACTOR: f64 = 2.0;
 /// Relative residual of the equations of a step.
 const STEP_RESIDUAL: f64 = 1e-6;
 
@@ -142,12 +144,16 @@ impl Balanced {
             let _ = cg(&Sum { mass, balanced: self }, mass_inverse, &residual, &mut epsilon, &params, &Silent);
             scaling = scaling.then(mass_inverse, &function_weighted_mass(scene, space, epsilon.band(0)));
             self.scaling = Some(scaling.clone());
+            let before = residual.norms()[0];
             residual = self.deviation(target);
-            if residual.norms()[0] <= 1e-14 * norm {
+            // Rounding does not get smaller.
+            if residual.norms()[0] <= 1e-14 * norm || 2.0 * residual.norms()[0] > before {
                 break;
             }
         }
-        self.closure.balanced = residual.norms()[0] <= BALANCED * norm;
+        let factors = scaling.d.times(&MultiVector::uniform(target.rows(), &[1.0]));
+        let moderate = |&factor: &f64| factor < GREATEST_FACTOR && factor * GREATEST_FACTOR > 1.0;
+        self.closure.balanced = residual.norms()[0] <= BALANCED * norm && factors.as_slice().iter().all(moderate);
         if !self.closure.balanced {
             self.scaling = None;
         }

@@ -116,7 +116,8 @@ fn npz(source: &Source<'_>, file: &mut (impl Write + Seek)) -> io::Result<()> {
         array(&mut archive, "indices", &[starts[n]], columns.flatten())?;
         array(&mut archive, "indptr", &[n + 1], starts.iter().map(|&start| start as i32))?;
     } else {
-        let columns = factors.map_nonzeros(|_, row| row.iter().map(|&(column, _)| column as i64).collect::<Vec<_>>());
+        let columns =
+            factors.map_nonzeros(|_, row| row.iter().map(|&(column, _)| i64::from(column)).collect::<Vec<_>>());
         array(&mut archive, "indices", &[starts[n]], columns.flatten())?;
         array(&mut archive, "indptr", &[n + 1], starts.iter().map(|&start| start as i64))?;
     }

@@ -11,6 +11,7 @@
 
 use super::{Solution, Sources};
 use crate::assemble::{Accuracy, Panel, mass};
+use crate::element::{Element, MAX_DOFS};
 use crate::linalg::BlockDiagonal;
 use crate::quadrature::sequence::hash;
 
@@ -59,15 +60,25 @@ impl<'a> Direct<'a> {
         Projected(arrived.chunks_exact(dofs).flat_map(|arrived| -> Vec<f64> { of(arrived) }).collect())
     }
 
-    /// What is to be added to the irradiance at a point of a cell (reference coordinates), per band. `seed` chooses the
-    /// rays where too much stands between for shadows to be cut out.
+    /// What is to be added to the irradiance at a point of a cell (reference coordinates), per band: [`light`](Self::light)
+    /// less what functions have of it.
     pub fn correction(&self, cell: usize, at: [f64; 2], projected: &Projected, seed: u64) -> Vec<f64> {
-        let mut light = self.lamps.irradiance(cell, at, hash(seed, cell as u64));
         let element = self.lamps.solution.space.element(cell);
-        let functions = element.values(at);
-        for (light, coefficients) in light.iter_mut().zip(projected.0.chunks_exact(element.dofs())) {
-            *light -= coefficients.iter().zip(functions).map(|(c, n)| c * n).sum::<f64>();
-        }
-        light
+        let functions: [f64; MAX_DOFS] = element.values(at);
+        let known = |band: usize| projected.band(band, element).iter().zip(functions).map(|(c, n)| c * n).sum::<f64>();
+        self.light(cell, at, seed).into_iter().enumerate().map(|(band, light)| light - known(band)).collect()
+    }
+
+    /// ∫ B G V dA over the lamps at a point of a cell (reference coordinates), per band. `seed` chooses the rays where too much
+    /// stands between for shadows to be cut out.
+    pub fn light(&self, cell: usize, at: [f64; 2], seed: u64) -> Vec<f64> {
+        self.lamps.irradiance(cell, at, hash(seed, cell as u64))
+    }
+}
+
+impl Projected {
+    /// The coefficients of one band; `element` is that of the cell.
+    pub fn band(&self, band: usize, element: &Element) -> &[f64] {
+        &self.0[band * element.dofs()..(band + 1) * element.dofs()]
     }
 }

@@ -31,3 +31,4 @@ pub use residual::{ErrorEstimate, Estimated, Sampling, estimate_error};
 pub use solution::{Shown, Solution};
 pub use solved::{Energy, Error, MaterialsError, Options, Solved, solve};
 pub use system::System;
+pub(crate) use system::strengths;

@@ -32,7 +32,7 @@ const MOST_BOUNCES: usize = 100_000;
 const NORM_STEPS: [usize; 2] = [12, 4];
 
 /// How strongly the light of each cell counts: its exitance over the mean irradiance that the scene's power makes.
-pub(super) fn strengths(scene: &Scene) -> Vec<f64> {
+pub(crate) fn strengths(scene: &Scene) -> Vec<f64> {
     let cells = scene.mesh.cells.len();
     let exitance = |cell: usize| {
         let site = scene.site(cell, [1.0 / 3.0, 1.0 / 3.0]);

@@ -37,9 +37,9 @@ use std::time::{Duration, Instant};
 
 /// One constant function per element, on triangles and quads alike.
 const BASIS: &Basis = &ALL[0];
-/// Rows that are made together, and so many blocks of them at a time.
+/// Rows that are made together, and so many blocks of them at a time for each thread.
 const BLOCK: usize = 32;
-const BLOCKS: usize = 8;
+const BLOCKS: usize = 2;
 /// So many pairs are integrated a second time, the other way round.
 const REVERSED: u64 = 32;
 /// The most rays that measure what escapes when a closure needs it, unless there are very many elements.
@@ -270,7 +270,9 @@ impl ViewFactors {
             self.matrix.fill_rows(rows.clone(), &mut whole);
             let made = rows.zip(whole.chunks_exact_mut(self.len())).map(|(i, row)| {
                 let area = self.surfaces[i].area;
-                row.iter_mut().for_each(|value| *value /= area);
+                for value in row.iter_mut() {
+                    *value /= area;
+                }
                 of(i, row)
             });
             made.collect()
@@ -283,7 +285,9 @@ impl ViewFactors {
         self.map_blocks(move |rows| {
             let made = rows.clone().zip(self.matrix.entries_of(rows)).map(|(i, mut row)| {
                 let area = self.surfaces[i].area;
-                row.iter_mut().for_each(|(_, value)| *value /= area);
+                for (_, value) in &mut row {
+                    *value /= area;
+                }
                 of(i, &row)
             });
             made.collect()
@@ -292,7 +296,7 @@ impl ViewFactors {
 
     /// What `of` makes of blocks of rows, in order.
     fn map_blocks<T: Send>(&self, of: impl Fn(Range<usize>) -> Vec<T> + Sync) -> impl Iterator<Item = T> {
-        let (n, most) = (self.len(), BLOCK * BLOCKS);
+        let (n, most) = (self.len(), BLOCK * BLOCKS * rayon::current_num_threads());
         (0..n).step_by(most).flat_map(move |first| {
             let blocks = (first..n.min(first + most)).into_par_iter().step_by(BLOCK);
             blocks.flat_map_iter(|start| of(start..n.min(start + BLOCK))).collect::<Vec<T>>()

@@ -203,13 +203,15 @@ impl Shaft {
     /// corners over the polygon's plane.
     ///
     /// With a the distance of a corner x of the shaft from the edge, inwards in the polygon's plane, and b its height, the
-    /// plane is a = m b, and x is to have a ≤ m b. That the polygon is inwards of its edges is not taken for granted: one that
-    /// is short enough has any direction.
+    /// plane is a = m b, and x is to have a ≤ m b, and the polygon's own corners a ≥ m b: that they do is not taken for
+    /// granted, since an edge that is short enough has any direction, and large polygons are flat only to rounding.
     fn passes_an_edge(&self, polygon: &[DVec3], normal: DVec3, heights: &[f64]) -> bool {
+        let far = polygon.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
+        let slack = self.touch.max(16.0 * f64::EPSILON * far);
         (0..polygon.len()).any(|k| {
             let (from, edge) = (polygon[k] - self.origin, polygon[(k + 1) % polygon.len()] - polygon[k]);
             let inwards = normal.cross(edge);
-            let touch = self.touch * inwards.length();
+            let touch = slack * inwards.length();
             let (mut least, mut greatest) = (f64::NEG_INFINITY, f64::INFINITY);
             for (x, &b) in self.corners.iter().zip(heights) {
                 let a = inwards.dot(*x - from) - touch;
@@ -220,8 +222,12 @@ impl Shaft {
                     return false;
                 }
             }
-            let is_inwards = |&corner: &DVec3| inwards.dot(corner - self.origin - from) >= -touch;
-            least <= greatest && touch > 0.0 && polygon.iter().all(is_inwards)
+            let slope = if least > 0.0 { least } else { greatest.min(0.0) };
+            let is_beyond = |&corner: &DVec3| {
+                let y = corner - self.origin - from;
+                inwards.dot(y) >= slope * normal.dot(y) - touch
+            };
+            least <= greatest && touch > 0.0 && polygon.iter().all(is_beyond)
         })
     }
 

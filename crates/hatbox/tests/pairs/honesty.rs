@@ -187,5 +187,10 @@ fn the_error_of_many_hidden_pairs_is_within_the_estimate() {
 #[test]
 fn a_blocker_with_a_corner_on_the_plane_of_a_panel_hides_what_it_hides() {
     let scene = Scene::random(2_001_336, &ALL[0]).expect("panels that face each other");
-    scene.assert_like_rays(&scene.block(1e-6));
+    let heights =
+        scene.blockers.iter().flatten().map(|corner| scene.a.normal().dot(*corner - scene.a.patch.corners()[0]));
+    assert!(heights.clone().any(|height| height < 0.0 && height > -1e-15), "{:?}", heights.collect::<Vec<_>>());
+    let block = scene.block(1e-6);
+    assert!(block.sum() < 0.96 * scene.clear(), "something is hidden: {}", block.sum());
+    scene.assert_like_rays(&block);
 }

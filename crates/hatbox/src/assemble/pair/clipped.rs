@@ -42,9 +42,11 @@ const CRACK: f64 = 1e-7;
 const MAX_PIECES: usize = 64;
 /// Parts of the receiver at the most; what they leave is in the error.
 const MAX_PARTS: usize = 1024;
-/// Edges of blockers shorter than this, relative to the blocker, have no direction in f64, and are left out: one is left where a
-/// corner lies on the plane that a blocker is clipped at.
+/// Edges of blockers shorter than this, relative to the blocker, are left out: what is left out is no greater then than the
+/// error of their direction in f64. One is left where a corner lies on the plane that a blocker is clipped at.
 const SHORT: f64 = 1e-8;
+/// And those shorter than this times the greatest coordinate.
+const ROUNDED: f64 = 64.0 * f64::EPSILON;
 /// Blockers closer to a point's line of sight than this, relative to their distance, are seen edge-on.
 const EDGE_ON: f64 = 1e-12;
 
@@ -266,10 +268,12 @@ struct Blocker {
 }
 
 impl Blocker {
-    /// `None` if it has no area.
+    /// `None` if fewer than three corners are apart.
     fn new(mut outline: Polygon) -> Option<Self> {
         let from = *outline.first()?;
-        let short = SHORT * outline.iter().map(|corner| corner.distance(from)).fold(0.0, f64::max);
+        let size = outline.iter().map(|corner| corner.distance(from)).fold(0.0, f64::max);
+        let far = outline.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
+        let short = (SHORT * size).max(ROUNDED * far);
         let mut last = *outline.last()?;
         outline.retain(|corner| corner.distance(std::mem::replace(&mut last, *corner)) > short);
         (outline.len() >= 3).then(|| Self { normal: area_vector(&outline), outline })
@@ -301,7 +305,7 @@ fn remove_cone(pieces: &mut Vec<Polygon>, x: DVec3, blocker: &Blocker) -> bool {
     hidden
 }
 
-/// Whether a convex polygon hides a part of a region from `x`.
+/// Whether a convex polygon may hide a part of a region from `x`: no side of its cone has the region outside.
 fn hides_some(from: &Region, x: DVec3, blocker: &Blocker) -> bool {
     cone(&[from.corners().iter().copied().collect()], x, blocker, &mut Polygon::new())
 }

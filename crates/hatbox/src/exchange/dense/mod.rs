@@ -112,6 +112,9 @@ impl Dense {
     pub fn fill_exchange_rows(&self, cells: Range<usize>, out: &mut [f64]) {
         let n = self.place.len();
         assert_eq!(out.len(), cells.len() * n, "a place for each cell in each row");
+        if out.is_empty() {
+            return;
+        }
         if self.unknowns.len() == n {
             self.fill_columns(cells.clone(), out);
             for (cell, row) in cells.zip(out.chunks_exact_mut(n)) {

@@ -1,11 +1,11 @@
 use super::FORMAT;
 use crate::element::{Basis, Shape};
 use crate::io::npy::{Array, NpyError};
-use crate::linalg::MultiVector;
+use crate::linalg::{LinearOperator, MultiVector};
 use crate::mesh::{Cell, Mesh};
 use crate::radiosity::Solution;
 use crate::scene::{Camera, Material, Physics, Quantity, Scene, Surface, Texture, Wrap};
-use crate::space::{FunctionSpace, NoElement};
+use crate::space::{CREASE_ANGLE, Continuity, FunctionSpace, NoElement};
 use glam::{DVec2, DVec3};
 use std::fs::File;
 use std::io::{self, BufReader, Read};
@@ -59,7 +59,8 @@ fn invalid<T>(key: &str, what: impl Into<String>) -> Result<T> {
 
 /// Reads a solution that [`save`](super::save) wrote (or NumPy, with the same keys).
 ///
-/// The space is broken: where the solve joined coefficients they are equal, which is all that evaluation needs.
+/// The space is joined where it was when it was solved, if that was at the usual [`CREASE_ANGLE`]; otherwise it is broken,
+/// with equal coefficients where they were joined, which is all that evaluation needs.
 ///
 /// # Errors
 /// [`LoadError`] if the file cannot be read, is damaged, or its arrays contradict each other.
@@ -160,6 +161,8 @@ impl Archive {
                 return invalid(key, format!("its shape is {:?}, not {expected}", [field.bands(), field.rows()]));
             }
         }
+        let continuous = self.integers("continuous", &[], 0)?.contains(&1);
+        let space = if continuous { joined(&scene, space, &radiosity)? } else { space };
         Ok(Solution { scene, space, radiosity, irradiance })
     }
 
@@ -279,6 +282,20 @@ impl Archive {
         };
         wraps.as_chunks::<2>().0.iter().enumerate().map(texture).collect()
     }
+}
+
+/// The space joined as usual, if that is how the coefficients are.
+fn joined(scene: &Scene, broken: FunctionSpace, coefficients: &MultiVector) -> Result<FunctionSpace> {
+    let usual = Continuity::Continuous { crease_angle: CREASE_ANGLE };
+    let space = FunctionSpace::new(scene, broken.basis(), usual)?;
+    let Some(continuity) = space.continuity() else { return Ok(broken) };
+    let is_joined = coefficients.iter_bands().all(|band| {
+        let mut values = vec![None; continuity.cols()];
+        band.iter().enumerate().all(|(dof, &value)| {
+            continuity.row(dof).all(|(unknown, _)| *values[unknown].get_or_insert(value.to_bits()) == value.to_bits())
+        })
+    });
+    Ok(if is_joined { space } else { broken })
 }
 
 fn vectors(values: &[f64]) -> Vec<DVec3> {

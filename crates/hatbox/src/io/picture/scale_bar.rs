@@ -74,7 +74,7 @@ impl<'a> Bar<'a> {
     }
 
     fn text(&self, picture: &mut RgbImage, text: &str, left: u32, top: u32) {
-        let glyphs = text.chars().map(|c| BASIC_FONTS.get(c).or_else(|| LATIN_FONTS.get(c)).unwrap_or_default());
+        let glyphs = text.chars().map(glyph);
         for (k, glyph) in glyphs.enumerate() {
             for (dot, y) in (0..GLYPH * self.zoom).flat_map(|y| (0..GLYPH * self.zoom).map(move |x| (x, y))) {
                 if glyph[(y / self.zoom) as usize] >> (dot / self.zoom) & 1 == 1 {
@@ -96,6 +96,15 @@ fn put(picture: &mut RgbImage, x: u32, y: u32, color: Rgb<u8>) {
 fn round_step(step: f64) -> f64 {
     let power = 10_f64.powf(step.log10().floor());
     [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|&s| s >= step * (1.0 - 1e-9)).unwrap_or(step)
+}
+
+/// The rows of a character from the top, the lowest bit at the left.
+fn glyph(c: char) -> [u8; 8] {
+    match c {
+        // The font has an acute in its place.
+        '²' => [0b0110, 0b1001, 0b0100, 0b0010, 0b1111, 0, 0, 0],
+        c => BASIC_FONTS.get(c).or_else(|| LATIN_FONTS.get(c)).unwrap_or_default(),
+    }
 }
 
 #[cfg(test)]
