@@ -193,6 +193,8 @@ pub(crate) struct ProbeArgs {
     #[arg(long, group = "afresh")]
     pub(crate) direct: bool,
     /// Gather all light afresh at each point: the most accurate, at the price of a visit of every surface for every point
+    ///
+    /// Points in the air, as on a work plane, get what arrives there (E) instead of the value of a surface.
     #[arg(long, group = "afresh")]
     pub(crate) gather: bool,
     /// Seed of the rays of `--direct` and `--gather`, where so much stands between that rays are needed
@@ -210,7 +212,7 @@ const PROBE_EXAMPLES: &str = "\
 Example:
   hatbox probe room.npz --points grid.csv -o lux.csv
   hatbox probe room.npz --points desk.csv --direct -o desk.csv
-  hatbox probe room.npz --points desk.csv --gather -o desk.csv";
+  hatbox probe room.npz --points workplane.csv --gather -o lux.csv";
 
 #[derive(Debug, Args)]
 #[command(after_help = RENDER_EXAMPLES)]

@@ -3,7 +3,8 @@
 //! A point of a measuring grid seldom lies on the mesh to the last bit, and near an edge or a thin wall the nearest
 //! surface may be the wrong one. So a point takes the value of the nearest cell whose lit side looks the same way (the
 //! cosine of the angle between the normals is at least one half). How far that is, is reported: a point in mid-air still
-//! gets a value, and its distance says what the value is worth. Only where no cell at all looks that way there is none.
+//! gets a value, and its distance says what the value is worth. Only where no cell at all looks that way there is none. Light
+//! that is gathered afresh does not need a surface: points in mid-air are where they are.
 
 use crate::linalg::MultiVector;
 use crate::progress::{Interrupted, Progress};
@@ -58,7 +59,8 @@ impl Probed {
         if self.far > 0 {
             let percent = 100.0 * FAR;
             warnings.push(format!(
-                "{} points lie farther than {percent} % of the scene's size from the surface whose value they were given",
+                "{} points lie farther than {percent} % of the scene's size from the surface whose value they were given; \
+                 gathered light is that of the points themselves",
                 self.far
             ));
         }
@@ -144,6 +146,9 @@ impl<'a> Probe<'a> {
     /// the most accurate value that a solution has for a point ([`Sources`]). It takes a visit of every surface for every
     /// point. `seed` chooses rays, where any are needed.
     ///
+    /// A point that is [`FAR`] from every surface that looks its way, as on a work plane, is where it is: E is what arrives there
+    /// on a small area with that normal, and there is no B.
+    ///
     /// # Errors
     /// [`Interrupted`].
     pub fn values_gathered(
@@ -152,26 +157,48 @@ impl<'a> Probe<'a> {
         seed: u64,
         progress: &dyn Progress,
     ) -> Result<Probed, Interrupted> {
-        let (places, sources) = (self.places(points), Sources::all(self.solution));
+        let (mut places, sources) = (self.places(points), Sources::all(self.solution));
+        let limit = self.limit();
+        for place in &mut places {
+            *place = place.filter(|place| place.distance <= limit);
+        }
         progress.begin("gathering", places.len() as u64);
         let light = |(row, place): (usize, &Option<Place>)| {
             progress.advance(1);
-            let gather = |place: Place| sources.irradiance(place.cell, place.at, hash(seed, row as u64));
-            if progress.interrupted() { Err(Interrupted) } else { Ok(place.map(gather)) }
+            let seed = hash(seed, row as u64);
+            let (x, n) = (points[row].0, points[row].1.try_normalize());
+            let light = match place {
+                Some(place) => Some(sources.irradiance(place.cell, place.at, seed)),
+                None => n.map(|n| sources.irradiance_in_the_air(x, n, seed)),
+            };
+            if progress.interrupted() { Err(Interrupted) } else { Ok(light) }
         };
         let lights: Vec<_> = places.par_iter().enumerate().map(light).collect::<Result<_, _>>()?;
         progress.end();
-        let (mut probed, scene) = (self.at(&places), &self.solution.scene);
+        let mut probed = self.at(&places);
+        probed.missed = lights.iter().filter(|light| light.is_none()).count();
         for (row, (place, light)) in places.iter().zip(lights).enumerate() {
-            let Some((place, light)) = place.zip(light) else { continue };
-            let (material, site) = (scene.material(place.cell), scene.site(place.cell, place.at));
-            for (band, e) in light.into_iter().enumerate() {
+            for (band, e) in light.into_iter().flatten().enumerate() {
                 probed.irradiance.band_mut(band)[row] = e;
-                probed.radiosity.band_mut(band)[row] =
-                    material.exitance.at(&site, band) + material.reflectance.at(&site, band) * e;
+                if let Some(place) = place {
+                    probed.radiosity.band_mut(band)[row] = self.reflected(*place, band, e);
+                }
             }
         }
         Ok(probed)
+    }
+
+    /// B⁰ + R E at a place.
+    fn reflected(&self, place: Place, band: usize, irradiance: f64) -> f64 {
+        let scene = &self.solution.scene;
+        let (material, site) = (scene.material(place.cell), scene.site(place.cell, place.at));
+        material.exitance.at(&site, band) + material.reflectance.at(&site, band) * irradiance
+    }
+
+    /// The distance from which on points are far.
+    fn limit(&self) -> f64 {
+        let (low, high) = self.solution.scene.mesh.bounds();
+        FAR * low.distance(high)
     }
 
     fn places(&self, points: &[(DVec3, DVec3)]) -> Vec<Option<Place>> {
@@ -180,8 +207,7 @@ impl<'a> Probe<'a> {
 
     /// E and B at places.
     fn at(&self, places: &[Option<Place>]) -> Probed {
-        let (low, high) = self.solution.scene.mesh.bounds();
-        let limit = FAR * low.distance(high);
+        let limit = self.limit();
         let field = |shown| {
             MultiVector::from_fn(places.len(), self.solution.bands(), |row, band| {
                 places[row].map_or(f64::NAN, |place| self.solution.evaluate(shown, place.cell, place.at, band))

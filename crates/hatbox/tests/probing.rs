@@ -11,7 +11,7 @@ use hatbox::progress::{Interrupted, Progress, Silent};
 use hatbox::quadrature::rule;
 use hatbox::radiosity::{Options, Shown, Solution, solve};
 use hatbox::render::{RenderOptions, render};
-use hatbox::scene::{Camera, Quantity};
+use hatbox::scene::{Camera, Material, Physics, Quantity, Scene};
 use meshes::shadow::{EXITANCE, LAMP, SHEET, scene};
 use std::f64::consts::PI;
 
@@ -104,6 +104,52 @@ fn gathered_light_is_exact_on_either_side_of_a_hard_shadow() {
         assert!((e - direct.irradiance.band(0)[k]).abs() < 2e-3 * exact(0.8));
     }
     assert_eq!(probe.values_gathered(&points, 0, &Impatient), Err(Interrupted));
+}
+
+/// In a furnace everything receives what everything sends, whichever way it looks; and so do points beside a wall.
+#[test]
+fn points_in_the_air_receive_what_a_furnace_sends() {
+    let mut scene = Scene::new(
+        meshes::room(DVec3::new(2.0, 1.0, 1.5), |face| face == 3),
+        vec![Material { exitance: Quantity::gray(1.0), ..Material::diffuse("wall", 0.5) }],
+        Physics::Light,
+        None,
+    )
+    .expect("valid");
+    let solve = |scene: &Scene| {
+        let options =
+            Options { refinement: Refinement::Elements(100), tolerance: 1e-6, error_points: 0, ..Options::default() };
+        solve(scene, &options, &Silent).expect("solved").solution
+    };
+    let solution = solve(&scene);
+    let points = [
+        (DVec3::new(1.0, 0.5, 0.7), DVec3::Z),
+        (DVec3::new(0.3, 0.8, 0.7), DVec3::new(3.0, -1.0, 2.0)),
+        (DVec3::new(1.0, 0.5, 0.0), DVec3::Z),
+        (DVec3::new(1.0, 0.5, 0.7), DVec3::ZERO),
+    ];
+    let gathered = Probe::new(&solution).values_gathered(&points, 0, &Silent).expect("nobody stops it");
+    let (e, b) = (gathered.irradiance.band(0), gathered.radiosity.band(0));
+    assert!(e[..3].iter().all(|e| (e - 2.0).abs() < 2e-4) && e[3].is_nan(), "{e:?}");
+    assert!(b[0].is_nan() && b[1].is_nan() && (b[2] - 2.0).abs() < 2e-4 && b[3].is_nan(), "{b:?}");
+    assert_eq!((gathered.far, gathered.missed), (0, 1));
+    // A lamp that is looked at, and not looked at.
+    scene.materials.push(Material { exitance: Quantity::gray(1.0), ..Material::diffuse("lamp", 0.0) });
+    scene.materials[0] = Material::diffuse("wall", 0.0);
+    for cell in &mut scene.mesh.cells {
+        let patch = hatbox::mesh::Patch::new(cell.shape, cell.vertices.map(|v| scene.mesh.vertices[v as usize]));
+        cell.material = u32::from(patch.normal().z < -0.5);
+    }
+    let solution = solve(&scene);
+    let at = DVec3::new(1.0, 0.5, 1.5 - 0.5);
+    let gathered =
+        Probe::new(&solution).values_gathered(&[(at, DVec3::Z), (at, -DVec3::Z)], 0, &Silent).expect("not stopped");
+    // A quarter of a rectangle of 1 × 0.5 at a distance of 0.5, four times: the factor from an element to a rectangle.
+    let (x, y) = (1.0 / 0.5_f64, 0.5 / 0.5_f64);
+    let term = |x: f64, y: f64| x / (1.0 + x * x).sqrt() * (y / (1.0 + x * x).sqrt()).atan();
+    let exact = 4.0 * (term(x, y) + term(y, x)) / (2.0 * PI);
+    let e = gathered.irradiance.band(0);
+    assert!((e[0] - exact).abs() < 1e-6 && e[1] == 0.0, "{e:?} {exact}");
 }
 
 #[test]

@@ -19,6 +19,9 @@ const FINEST: f64 = 1e-2;
 /// Rays to one panel at the most.
 const MAX_RAYS: u32 = 1024;
 
+/// The index of no face of any scene.
+const NO_SURFACE: u32 = u32::MAX;
+
 /// How far a point is moved into its cell, relative to the way to the middle: on an edge the plane of the other face is
 /// seen from neither side.
 const INWARD: f64 = 1e-4;
@@ -67,15 +70,23 @@ impl<'a> Sources<'a> {
     pub fn irradiance(&self, cell: usize, at: [f64; 2], seed: u64) -> Vec<f64> {
         let mesh = &self.solution.scene.mesh;
         let patch = mesh.patch(cell);
-        let gather = Gather {
+        let x = patch.point(at).lerp(patch.center(), INWARD);
+        self.gather().irradiance(x, patch.normal(), mesh.cells[cell].surface, seed)
+    }
+
+    /// What arrives from them at a point in the air on a small area with unit normal `n`, per band.
+    pub fn irradiance_in_the_air(&self, x: DVec3, n: DVec3, seed: u64) -> Vec<f64> {
+        self.gather().irradiance(x, n, NO_SURFACE, seed)
+    }
+
+    fn gather(&self) -> Gather<'_> {
+        Gather {
             panels: &self.panels,
             cells: Some(&self.cells),
             views: self.views(),
             strengths: &self.strengths,
             solution: self.solution,
-        };
-        let x = patch.point(at).lerp(patch.center(), INWARD);
-        gather.irradiance(x, patch.normal(), mesh.cells[cell].surface, seed)
+        }
     }
 }
 

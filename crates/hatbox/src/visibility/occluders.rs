@@ -52,9 +52,9 @@ impl Occluders {
         &self.corners[self.starts[index as usize] as usize..self.starts[index as usize + 1] as usize]
     }
 
-    /// The polygon that a face is a part of.
+    /// The polygon that a face is a part of; `u32::MAX` if there is no such face.
     pub fn of_surface(&self, surface: u32) -> u32 {
-        self.of_surface[surface as usize]
+        self.of_surface.get(surface as usize).copied().unwrap_or(u32::MAX)
     }
 
     /// Puts the polygons that may block the shaft, except those of `skip`, into `out`, in ascending order.
