@@ -215,7 +215,8 @@ class Solution:
             direct: Whether the light of lamps is taken as it falls on each point, with shadows as sharp as they are,
                 instead of as functions on elements have it.
             gather: Whether all light is gathered afresh at each point: the most accurate, at the price of a visit of
-                every surface for every point. The direct light is in it.
+                every surface for every point. The direct light is in it. Points in the air, as on a work plane, get
+                what arrives there, and NaN for B.
             seed: Of the rays, where so much stands between that rays are needed.
             threads: How many; as many as there are processors if not given.
 
