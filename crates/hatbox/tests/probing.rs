@@ -5,6 +5,7 @@ mod meshes;
 
 use glam::DVec3;
 use hatbox::element::ALL;
+use hatbox::io::npz;
 use hatbox::mesh::Refinement;
 use hatbox::probe::Probe;
 use hatbox::progress::{Interrupted, Progress, Silent};
@@ -87,6 +88,23 @@ fn a_picture_with_direct_light_has_the_hard_shadow_where_it_is() {
     for shown in [Shown::Radiosity, Shown::Irradiance] {
         let (sharp, blurred) = (error(shown, true), error(shown, false));
         assert!(sharp < 2e-3 && blurred > 0.02, "{shown:?}: {sharp} instead of {blurred}");
+    }
+}
+
+/// It came back broken, and the pictures and bakes of `hatbox render` had seams that those of `hatbox solve` had not.
+#[test]
+fn a_joined_solution_is_joined_again_when_it_is_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("solution.npz");
+    for basis in &ALL {
+        let before = solution(basis);
+        npz::save(&before, &path).expect("written");
+        let after = npz::load(&path).expect("read");
+        assert_eq!(before.space.dofs(), after.space.dofs(), "{}", basis.name);
+        assert_eq!(before.coefficients(), after.coefficients(), "{}", basis.name);
+        let options = RenderOptions { width: 24, height: 18, samples: 1, direct: true, ..RenderOptions::default() };
+        let [one, other] = [&before, &after].map(|solution| render(solution, &options, &Silent));
+        assert_eq!(one, other, "{}", basis.name);
     }
 }
 

@@ -161,7 +161,7 @@ impl Archive {
                 return invalid(key, format!("its shape is {:?}, not {expected}", [field.bands(), field.rows()]));
             }
         }
-        let continuous = self.integers("continuous", &[], 0)?.contains(&1);
+        let continuous = self.integers("continuous", &[], 0).is_ok_and(|found| found == [1]);
         let space = if continuous { joined(&scene, space, &radiosity)? } else { space };
         Ok(Solution { scene, space, radiosity, irradiance })
     }
