@@ -192,7 +192,7 @@ impl<'a> Probe<'a> {
     fn reflected(&self, place: Place, band: usize, irradiance: f64) -> f64 {
         let scene = &self.solution.scene;
         let (material, site) = (scene.material(place.cell), scene.site(place.cell, place.at));
-        material.exitance.at(&site, band) + material.reflectance.at(&site, band) * irradiance
+        material.leaving(&site, band, irradiance)
     }
 
     /// The distance from which on points are far.

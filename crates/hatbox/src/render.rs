@@ -10,7 +10,7 @@
 
 use crate::bake::{limited, rgb};
 use crate::element::MAX_DOFS;
-use crate::linalg::{LinearOperator, MultiVector};
+use crate::linalg::MultiVector;
 use crate::mesh::Mesh;
 use crate::progress::{Interrupted, Progress};
 use crate::radiosity::{Direct, Projected, Shown, Solution};
@@ -220,9 +220,7 @@ impl<'a> Lit<'a> {
             let irradiance = (rest + light).max(0.0);
             match shown {
                 Shown::Irradiance => irradiance,
-                Shown::Radiosity => {
-                    material.exitance.at(&site, band) + material.reflectance.at(&site, band) * irradiance
-                }
+                Shown::Radiosity => material.leaving(&site, band, irradiance),
             }
         };
         lights[known].1.iter().enumerate().map(value).collect()
@@ -235,16 +233,7 @@ fn joined(solution: &Solution, broken: &MultiVector) -> MultiVector {
     let Some(continuity) = space.continuity() else { return broken.clone() };
     let mut joined = broken.clone();
     for band in 0..broken.bands() {
-        let mut sums = vec![[0.0; 2]; continuity.cols()];
-        for cell in 0..space.cells() {
-            let area = mesh.patch(cell).area();
-            for dof in space.range(cell) {
-                for (unknown, share) in continuity.row(dof) {
-                    sums[unknown][0] += share * area * broken.band(band)[dof];
-                    sums[unknown][1] += share * area;
-                }
-            }
-        }
+        let sums = space.sums(continuity, broken.band(band), |cell, _| mesh.patch(cell).area());
         let mean = |[sum, area]: [f64; 2]| if area > 0.0 { sum / area } else { 0.0 };
         for (dof, value) in joined.band_mut(band).iter_mut().enumerate() {
             *value = continuity.row(dof).map(|(unknown, share)| share * mean(sums[unknown])).sum();
@@ -262,7 +251,7 @@ fn value(solution: &Solution, shown: Shown, cell: usize, at: [f64; 2], band: usi
     }
     let site = solution.scene.site(cell, at);
     let irradiance = solution.evaluate(Shown::Irradiance, cell, at, band);
-    material.exitance.at(&site, band) + material.reflectance.at(&site, band) * irradiance
+    material.leaving(&site, band, irradiance)
 }
 
 /// The cells as triangles to hit.

@@ -171,6 +171,22 @@ impl FunctionSpace {
         self.continuity.as_ref().map_or(self.broken_dofs(), crate::linalg::LinearOperator::cols)
     }
 
+    /// For each column of `c`, which joins broken coefficients, Σ w v over the values that it joins and Σ w; the weight is that
+    /// of a coefficient of a cell.
+    pub(crate) fn sums(&self, c: &Csr, values: &[f64], weight: impl Fn(usize, usize) -> f64) -> Vec<[f64; 2]> {
+        let mut sums = vec![[0.0; 2]; crate::linalg::LinearOperator::cols(c)];
+        for cell in 0..self.cells() {
+            for dof in self.range(cell) {
+                let weight = weight(cell, dof);
+                for (unknown, share) in c.row(dof) {
+                    sums[unknown][0] += share * weight * values[dof];
+                    sums[unknown][1] += share * weight;
+                }
+            }
+        }
+        sums
+    }
+
     /// C, broken coefficients from joined ones; `None` if nothing is joined.
     pub fn continuity(&self) -> Option<&Csr> {
         self.continuity.as_ref()

@@ -7,9 +7,9 @@
 //! elements become small where a shadow's border passes and towards the edges of rooms. Only borders narrower than the
 //! first elements are cut into them beforehand (`borders`).
 //!
-//! A first mesh that is graded towards the edges of faces is the user's choice. To grade it always was tried: linear functions in
-//! an empty cube need a tenth fewer unknowns and quadratic ones err by a fifth with twice as many, but on the Cornell box to
-//! 0.5 %, where shadows decide, estimates were up to 1.6 times greater with as many unknowns.
+//! A first mesh that is graded towards the edges of faces is the user's choice. To grade it always was tried: in
+//! an empty cube linear functions need fewer unknowns, but on the Cornell box, where shadows decide, estimates are greater with
+//! as many (`hatbox solve scenes/cornell-box.glb --basis quadratic --tolerance 0.5% --grading 3 --max-unknowns 12000`).
 //!
 //! Every round builds its operator afresh. Blocks of cells that did not change could be copied from the last one: vertices
 //! keep their numbers and rays are seeded by them, so that the copies would be the same to the last bit.

@@ -241,23 +241,18 @@ impl<'a> Limiter<'a> {
 
     /// Gives coefficients that are to be one their weighted mean; those without weight count by area.
     fn join(&self, values: &mut [f64], c: &Csr) {
-        let mut sums = vec![[0.0; 4]; c.cols()];
-        for cell in 0..self.space.cells() {
-            for dof in self.space.range(cell) {
-                let (weight, area) = (self.weights[dof].max(0.0), self.areas[cell]);
-                let weight = if weight < 1e-12 * area { 0.0 } else { weight };
-                for (unknown, share) in c.row(dof) {
-                    let sum = &mut sums[unknown];
-                    sum[0] += share * weight * values[dof];
-                    sum[1] += share * weight;
-                    sum[2] += share * area * values[dof];
-                    sum[3] += share * area;
-                }
-            }
-        }
-        let mean = |&[a, b, c, d]: &[f64; 4]| if b > 0.0 { a / b } else { c / d };
+        let weight = |cell: usize, dof: usize| {
+            let weight = self.weights[dof].max(0.0);
+            if weight < 1e-12 * self.areas[cell] { 0.0 } else { weight }
+        };
+        let weighted = self.space.sums(c, values, weight);
+        let by_area = self.space.sums(c, values, |cell, _| self.areas[cell]);
+        let mean = |unknown: usize| {
+            let [sum, weight] = if weighted[unknown][1] > 0.0 { weighted[unknown] } else { by_area[unknown] };
+            sum / weight
+        };
         for (dof, value) in values.iter_mut().enumerate() {
-            *value = c.row(dof).map(|(unknown, share)| share * mean(&sums[unknown])).sum();
+            *value = c.row(dof).map(|(unknown, share)| share * mean(unknown)).sum();
         }
     }
 }

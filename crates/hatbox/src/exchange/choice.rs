@@ -20,7 +20,8 @@ use rayon::prelude::*;
 /// (`cargo bench -p hatbox --bench operators -- choice`).
 const CLEAR: f64 = 0.7e-6;
 const PARTIAL: f64 = 100e-6;
-/// The same if one of the pair shines, whose shadows are cut out wherever they are seen.
+/// The same if one of the pair counts more, since it shines: its shadows are cut out wherever they are seen. From one scene, the
+/// city.
 const PARTIAL_LIT: f64 = 800e-6;
 const RAY: f64 = 1e-6;
 /// All pairs, which leave no noise, are worth so many CPU seconds.

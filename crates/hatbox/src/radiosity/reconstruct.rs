@@ -61,8 +61,7 @@ fn nodes(space: &FunctionSpace) -> Vec<(usize, usize)> {
 fn at_node(scene: &Scene, sources: &Sources<'_>, cell: usize, at: [f64; 2], seed: u64) -> Vec<[f64; 2]> {
     let e = sources.irradiance(cell, at, seed);
     let (material, site) = (scene.material(cell), scene.site(cell, at));
-    let of =
-        |(band, &e): (usize, &f64)| [material.exitance.at(&site, band) + material.reflectance.at(&site, band) * e, e];
+    let of = |(band, &e): (usize, &f64)| [material.leaving(&site, band, e), e];
     e.iter().enumerate().map(of).collect()
 }
 

@@ -133,4 +133,9 @@ impl Material {
             blocks_only: false,
         }
     }
+
+    /// B⁰ + R E, what leaves a point that receives an irradiance, in one band.
+    pub fn leaving(&self, site: &Site, band: usize, irradiance: f64) -> f64 {
+        self.exitance.at(site, band) + self.reflectance.at(site, band) * irradiance
+    }
 }

@@ -4,8 +4,8 @@
 //! them among furniture. So each is first allowed the error of a room with few. Where the sum over a row's pairs is then more
 //! than the tolerance, its partially hidden pairs are integrated once more, each with its share of what the row may err by.
 //!
-//! To count them first and integrate each only once was tried: in the L-shaped room it took a tenth longer, since to find them
-//! twice costs more than to integrate again those of the rows that need it.
+//! To count them first and integrate each only once was tried, and was no faster in the L-shaped room: to find them all
+//! twice costs as much as to integrate again those of the rows that need it.
 
 use crate::assemble::{Accuracy, Block, LANES, Panel};
 use crate::exchange::Statistics;
