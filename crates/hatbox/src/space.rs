@@ -9,11 +9,12 @@
 //! Joining goes from cell to cell around a vertex, never through the vertex alone, so two surfaces that touch in a point
 //! stay apart.
 
-use crate::element::{Basis, Element, Entity};
+use crate::element::{Basis, Element, Entity, MAX_DOFS};
 use crate::linalg::Csr;
 use crate::mesh::{Mesh, Side, Topology, UnionFind};
 use crate::scene::Scene;
 use glam::DVec3;
+use std::sync::Arc;
 
 /// The greatest angle between normals across which the light is still taken to be continuous: 30°. Facets of a curved
 /// surface meet at less (a cylinder of twelve sides just so); the edges that are meant as edges at more.
@@ -62,13 +63,13 @@ impl Continuity {
     }
 }
 
-/// An element on every cell of a mesh, and how they are joined.
+/// An element on every cell of a mesh, and how they are joined. Clones share what they are made of.
 #[derive(Debug, Clone)]
 pub struct FunctionSpace {
     basis: &'static Basis,
-    elements: Vec<&'static Element>,
-    offsets: Vec<usize>,
-    continuity: Option<Csr>,
+    elements: Arc<[&'static Element]>,
+    offsets: Arc<[usize]>,
+    continuity: Option<Arc<Csr>>,
 }
 
 /// A cell has a shape for which the basis has no element; refine the scene for that basis first.
@@ -96,7 +97,7 @@ impl FunctionSpace {
             for [a, b] in joints(scene, crease_angle) {
                 space.join(&scene.mesh, a, b, &mut sets);
             }
-            space.continuity = Some(numbered(&mut sets, space.broken_dofs()));
+            space.continuity = Some(Arc::new(numbered(&mut sets, space.broken_dofs())));
         }
         Ok(space)
     }
@@ -133,7 +134,7 @@ impl FunctionSpace {
         for element in &elements {
             offsets.push(offsets[offsets.len() - 1] + element.dofs());
         }
-        Ok(Self { basis, elements, offsets, continuity: None })
+        Ok(Self { basis, elements: elements.into(), offsets: offsets.into(), continuity: None })
     }
 
     /// The basis.
@@ -156,6 +157,12 @@ impl FunctionSpace {
         self.offsets[cell]..self.offsets[cell + 1]
     }
 
+    /// A function with these broken coefficients at a point of a cell (reference coordinates).
+    pub fn evaluate(&self, coefficients: &[f64], cell: usize, at: [f64; 2]) -> f64 {
+        let functions: [f64; MAX_DOFS] = self.element(cell).values(at);
+        coefficients[self.range(cell)].iter().zip(functions).map(|(b, n)| b * n).sum()
+    }
+
     /// Number of cells.
     pub fn cells(&self) -> usize {
         self.elements.len()
@@ -168,7 +175,13 @@ impl FunctionSpace {
 
     /// Number of unknowns: of hats if the space is continuous, of broken coefficients otherwise.
     pub fn dofs(&self) -> usize {
-        self.continuity.as_ref().map_or(self.broken_dofs(), crate::linalg::LinearOperator::cols)
+        self.continuity().map_or(self.broken_dofs(), crate::linalg::LinearOperator::cols)
+    }
+
+    /// The unknowns that a broken coefficient is made of, with their shares.
+    pub(crate) fn unknowns_of(&self, dof: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let joined = self.continuity.as_ref().map(|c| c.row(dof)).into_iter().flatten();
+        joined.chain(self.continuity.is_none().then_some((dof, 1.0)))
     }
 
     /// For each column of `c`, which joins broken coefficients, Σ w v over the values that it joins and Σ w; the weight is that
@@ -189,6 +202,11 @@ impl FunctionSpace {
 
     /// C, broken coefficients from joined ones; `None` if nothing is joined.
     pub fn continuity(&self) -> Option<&Csr> {
+        self.continuity.as_deref()
+    }
+
+    /// The same, shared.
+    pub(crate) fn shared_continuity(&self) -> Option<&Arc<Csr>> {
         self.continuity.as_ref()
     }
 }

@@ -38,7 +38,7 @@ fn bisection_leaves_no_hanging_vertex_and_keeps_what_cells_are() {
         let marked: Vec<bool> = (0..mesh.cells.len()).map(|cell| (cell * 7 + round) % 11 == 0).collect();
         let old = std::mem::take(&mut mesh);
         let bisected = old.bisected(&marked);
-        mesh = bisected.mesh;
+        mesh = bisected.mesh.into();
         assert!((mesh.area() - area).abs() < 1e-12 * area);
         assert_eq!(mesh.vertices[..old.vertices.len()], old.vertices, "vertices keep their numbers");
         let (_, hanging) = mesh.conformed(1e-9);

@@ -154,9 +154,9 @@ fn points_in_the_air_receive_what_a_furnace_sends() {
     // A lamp that is looked at, and not looked at.
     scene.materials.push(Material { exitance: Quantity::gray(1.0), ..Material::diffuse("lamp", 0.0) });
     scene.materials[0] = Material::diffuse("wall", 0.0);
-    for cell in &mut scene.mesh.cells {
-        let patch = hatbox::mesh::Patch::new(cell.shape, cell.vertices.map(|v| scene.mesh.vertices[v as usize]));
-        cell.material = u32::from(patch.normal().z < -0.5);
+    let down: Vec<bool> = (0..scene.mesh.cells.len()).map(|k| scene.mesh.patch(k).normal().z < -0.5).collect();
+    for (cell, down) in std::sync::Arc::make_mut(&mut scene.mesh).cells.iter_mut().zip(down) {
+        cell.material = u32::from(down);
     }
     let solution = solve(&scene);
     let at = DVec3::new(1.0, 0.5, 1.5 - 0.5);

@@ -43,7 +43,7 @@ fn floor(quads: bool, bands: usize) -> Scene {
     let fov_y = 2.0 * 0.5_f64.atan();
     let camera = Camera { eye: DVec3::new(1.0, 0.5, 3.0), target: DVec3::new(1.0, 0.5, 0.0), up: DVec3::Y, fov_y };
     Scene {
-        mesh,
+        mesh: mesh.into(),
         materials,
         surfaces: Arc::new(surfaces),
         bands,
@@ -88,8 +88,8 @@ fn rich() -> Solution {
     scene.materials[0].reflectance = textured(0.7);
     scene.materials[1].exitance = textured(30.0);
     scene.materials[1].two_sided = true;
-    set_uvs(&mut scene.mesh);
-    scene.mesh.normals = vec![[DVec3::Z; 4]; scene.mesh.cells.len()];
+    set_uvs(Arc::make_mut(&mut scene.mesh));
+    Arc::make_mut(&mut scene.mesh).normals = vec![[DVec3::Z; 4]; scene.mesh.cells.len()];
     scene.physics = Physics::Heat;
     solution(scene, "bilinear", |p, band| (p.x + 0.1) / (7.0 + band as f64))
 }
@@ -534,7 +534,7 @@ fn a_texture_is_crisp_however_coarse_the_elements_are() {
     let mut solution = two_tones();
     let texture = Texture::new(2, 1, 1, vec![0.0, 1.0], [Wrap::Clamp; 2]).expect("fits");
     solution.scene.materials[0].reflectance = Quantity::Textured { factor: vec![0.5], texture: Arc::new(texture) };
-    set_uvs(&mut solution.scene.mesh);
+    set_uvs(Arc::make_mut(&mut solution.scene.mesh));
     let options = RenderOptions { width: 40, height: 30, samples: 1, ..RenderOptions::default() };
     let image = render(&solution, &options, &Silent).expect("rendered");
     // E = 2 and R = 0.5 × texture.

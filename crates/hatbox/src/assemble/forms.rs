@@ -3,8 +3,8 @@
 //! Data that are the same all over a cell are integrated exactly. Data that vary (textures, given functions) may have
 //! edges of their own, so their cells are cut into quarters until two rules agree.
 
-use crate::element::{MAX_DOFS, Shape};
-use crate::linalg::{BlockDiagonal, MultiVector};
+use crate::element::{Element, MAX_DOFS, Shape};
+use crate::linalg::{BlockDiagonal, DiagonalBlock, MultiVector};
 use crate::mesh::Patch;
 use crate::quadrature::rule;
 use crate::scene::{Quantity, Scene, Site};
@@ -22,6 +22,9 @@ const MAX_DEPTH: u32 = 3;
 const TEXELS: f64 = 2.0;
 /// Rounds of quartering for texels at the most: 4096 parts.
 const MAX_TEXEL_DEPTH: u32 = 6;
+
+/// Maps that are affine to so little of their size are so to rounding.
+const EXACTLY: f64 = 1e-12;
 
 /// The most numbers that one integral has.
 const MAX_SIZE: usize = MAX_DOFS * MAX_DOFS;
@@ -56,11 +59,17 @@ pub fn load(scene: &Scene, space: &FunctionSpace) -> MultiVector {
     };
     let mut result = MultiVector::zeros(space.broken_dofs(), scene.bands);
     for band in 0..scene.bands {
-        let rows: Vec<Values> = (0..space.cells()).into_par_iter().map(|cell| entry(cell, band)).collect();
-        for (cell, values) in rows.iter().enumerate() {
-            let range = space.range(cell);
-            result.band_mut(band)[range.clone()].copy_from_slice(&values[..range.len()]);
+        let mut rest = result.band_mut(band);
+        let mut places = Vec::with_capacity(space.cells());
+        for cell in 0..space.cells() {
+            let (place, after) = rest.split_at_mut(space.range(cell).len());
+            places.push(place);
+            rest = after;
         }
+        places.into_par_iter().enumerate().for_each(|(cell, place)| {
+            let values = entry(cell, band);
+            place.copy_from_slice(&values[..place.len()]);
+        });
     }
     result
 }
@@ -72,25 +81,45 @@ fn weighted_blocks<'a>(
     bands: usize,
     weight: impl Fn(usize, usize) -> Weight<'a> + Sync,
 ) -> BlockDiagonal {
-    let block = |cell: usize, band: usize| {
-        let element = space.element(cell);
-        let n = element.dofs();
-        let form = |w: f64, functions: &[f64; MAX_DOFS], out: &mut Values| {
-            for (k, out) in out[..n * n].iter_mut().enumerate() {
-                *out += w * functions[k / n] * functions[k % n];
-            }
-        };
-        Integral { scene, space, cell, band, degree: 2 * element.degree }.of(&weight(cell, band), form)
-    };
-    let mut blocks = BlockDiagonal::zeros(space.offsets(), bands);
-    for band in 0..bands {
-        let all: Vec<Values> = (0..space.cells()).into_par_iter().map(|cell| block(cell, band)).collect();
-        for (cell, values) in all.iter().enumerate() {
-            let target = blocks.block_mut(band, cell);
-            target.copy_from_slice(&values[..target.len()]);
+    let mut elements: Vec<&'static Element> = Vec::new();
+    for element in (0..space.cells()).map(|cell| space.element(cell)) {
+        if !elements.iter().any(|known| std::ptr::eq(*known, element)) {
+            elements.push(element);
         }
     }
-    blocks
+    let matrices: Vec<Vec<f64>> = elements.iter().map(|element| reference_mass(element)).collect();
+    BlockDiagonal::new(space.offsets(), bands, &matrices, |band, cell| {
+        let (element, patch, weight) = (space.element(cell), scene.mesh.patch(cell), weight(cell, band));
+        let kind = elements.iter().position(|known| std::ptr::eq(*known, element)).unwrap_or(0);
+        match weight {
+            Weight::Uniform(w) if w == 0.0 || patch.is_affine_to(EXACTLY) => {
+                DiagonalBlock::Multiple(kind, w * patch.area())
+            }
+            _ => {
+                let n = element.dofs();
+                let form = |w: f64, functions: &[f64; MAX_DOFS], out: &mut Values| add_products(w, functions, n, out);
+                let integral = Integral { scene, space, cell, band, degree: 2 * element.degree }.of(&weight, form);
+                DiagonalBlock::Own(integral[..n * n].to_vec())
+            }
+        }
+    })
+}
+
+/// ∫N_i N_j over the reference cell divided by its area, row by row.
+fn reference_mass(element: &Element) -> Vec<f64> {
+    let (n, mut mass) = (element.dofs(), [0.0; MAX_SIZE]);
+    let rule = rule(element.shape, 2 * element.degree);
+    for (&at, &weight) in rule.points.iter().zip(&rule.weights) {
+        add_products(weight, &element.values(at), n, &mut mass);
+    }
+    mass[..n * n].to_vec()
+}
+
+/// Adds w N_i N_j, row by row, for the first n functions.
+fn add_products(w: f64, functions: &[f64; MAX_DOFS], n: usize, out: &mut Values) {
+    for (k, out) in out[..n * n].iter_mut().enumerate() {
+        *out += w * functions[k / n] * functions[k % n];
+    }
 }
 
 /// What is integrated against products of shape functions.
@@ -276,7 +305,7 @@ mod tests {
         let texel =
             |k: usize| if (20..20 + lamp).contains(&(k % n)) && (37..37 + lamp).contains(&(k / n)) { 1.0 } else { 0.0 };
         let texture = Texture::new(n, n, 1, (0..n * n).map(texel).collect(), [Wrap::Clamp; 2]).expect("fits");
-        let mut mesh = scene(Shape::Quad, Quantity::gray(0.0)).mesh;
+        let mut mesh = (*scene(Shape::Quad, Quantity::gray(0.0)).mesh).clone();
         let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
         mesh.vertices = square.map(|(x, y)| DVec3::new(x, y, 0.0)).to_vec();
         mesh.uvs = vec![square.map(|(x, y)| glam::DVec2::new(x, y))];

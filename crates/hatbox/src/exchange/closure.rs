@@ -17,7 +17,7 @@
 use super::sealed::is_sealed;
 use super::{Exchange, Geometry, Statistics};
 use crate::assemble::function_weighted_mass;
-use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
+use crate::linalg::{BlockDiagonal, Csr, LinearOperator, MultiVector};
 use crate::mesh::Patch;
 use crate::progress::{Interrupted, Progress, Silent};
 use crate::quadrature::sequence::{hash, point};
@@ -238,6 +238,14 @@ impl Exchange for Balanced {
 
     fn spread(&self, x: &MultiVector) -> Option<MultiVector> {
         self.exchange.spread(x)
+    }
+
+    fn apply_joined(&self, c: &Csr, transpose: &Csr, x: &MultiVector, y: &mut MultiVector) {
+        if self.scaling.is_none() && self.factor.is_none() {
+            self.exchange.apply_joined(c, transpose, x, y);
+        } else {
+            *y = super::joined(self, [c, transpose], x);
+        }
     }
 
     fn row_errors(&self) -> Option<&[f64]> {

@@ -22,7 +22,7 @@ pub use norm::norm;
 pub use sampled::Sampled;
 
 use crate::assemble::{Accuracy, Panel};
-use crate::linalg::{LinearOperator, MultiVector};
+use crate::linalg::{Csr, LinearOperator, MultiVector};
 use crate::progress::{Interrupted, Progress};
 use crate::scene::{Scene, Surface};
 use crate::space::FunctionSpace;
@@ -84,6 +84,11 @@ pub trait Exchange: LinearOperator + Send {
         None
     }
 
+    /// y = Cᵀ S C x, where C (and its transpose) joins what S knows as broken; what `y` held before does not matter.
+    fn apply_joined(&self, c: &Csr, transpose: &Csr, x: &MultiVector, y: &mut MultiVector) {
+        *y = joined(self, [c, transpose], x);
+    }
+
     /// For each cell the estimated error of its irradiance, relative to the mean radiosity: that of the scene that the operator
     /// was built for, if errors of pairs are independent. `None` where they are not known; see [`spread`](Self::spread).
     fn row_errors(&self) -> Option<&[f64]> {
@@ -95,6 +100,11 @@ pub trait Exchange: LinearOperator + Send {
     fn irradiance(&self, _cell: usize, _at: [f64; 2], _x: &MultiVector, _seed: u64) -> Option<Vec<f64>> {
         None
     }
+}
+
+/// Cᵀ S C x, one after the other.
+fn joined<S: LinearOperator + ?Sized>(s: &S, [c, transpose]: [&Csr; 2], x: &MultiVector) -> MultiVector {
+    transpose.times(&s.times(&c.times(x)))
 }
 
 /// How an operator is to be built.

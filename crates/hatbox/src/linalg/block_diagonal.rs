@@ -1,40 +1,110 @@
 use super::{LinearOperator, MultiVector};
 use rayon::prelude::*;
+use std::collections::HashMap;
 use std::ops::Range;
 
 /// Blocks of a thread at the least.
 const LEAST_BLOCKS: usize = 1 << 12;
 
 /// A matrix of small square blocks on the diagonal, one per element; either one set for all bands or one per band.
-#[derive(Debug, Clone, PartialEq)]
+///
+/// A block is a matrix times a number, and blocks may share the matrix: the mass matrices of all triangles of a basis are one
+/// matrix times their areas, and take 12 bytes each whatever the basis. Blocks of their own take their numbers besides.
+#[derive(Debug, Clone)]
 pub struct BlockDiagonal {
     /// First row of each block, and the number of rows at the end.
-    offsets: Vec<usize>,
-    /// Where the numbers of each block start, and their count at the end.
-    starts: Vec<usize>,
+    offsets: Vec<u32>,
     /// Rows of every block, where they are alike.
     size: Option<usize>,
-    /// For each band, all blocks row by row.
-    bands: Vec<Vec<f64>>,
+    bands: Vec<Multiples>,
+}
+
+/// What a block is made of.
+#[derive(Debug, Clone, PartialEq)]
+pub enum DiagonalBlock {
+    /// One of the matrices that are given, times a number.
+    Multiple(usize, f64),
+    /// Numbers of its own, row by row.
+    Own(Vec<f64>),
+}
+
+/// The blocks of one band.
+#[derive(Debug, Clone, Default)]
+struct Multiples {
+    /// Different matrices.
+    matrices: Vec<Vec<f64>>,
+    /// For each block, the index of its matrix.
+    kinds: Vec<u32>,
+    /// For each block, what that is multiplied by.
+    factors: Vec<f64>,
+}
+
+impl Multiples {
+    fn push(&mut self, block: DiagonalBlock) {
+        let (kind, factor) = match block {
+            DiagonalBlock::Multiple(kind, factor) => (kind, factor),
+            DiagonalBlock::Own(numbers) => {
+                self.matrices.push(numbers);
+                (self.matrices.len() - 1, 1.0)
+            }
+        };
+        self.kinds.push(kind as u32);
+        self.factors.push(factor);
+    }
+
+    /// The matrix of a block, row by row, and its factor.
+    fn of(&self, block: usize) -> (&[f64], f64) {
+        (&self.matrices[self.kinds[block] as usize], self.factors[block])
+    }
+
+    fn product(&self, other: &Self) -> Self {
+        let mut product = Self::default();
+        let mut known: HashMap<[u32; 2], usize> = HashMap::new();
+        let mut last = ([u32::MAX; 2], 0);
+        for block in 0..self.kinds.len() {
+            let pair = [self.kinds[block], other.kinds[block]];
+            if pair != last.0 {
+                let kind = *known.entry(pair).or_insert_with(|| {
+                    product.matrices.push(multiplied(self.of(block).0, other.of(block).0));
+                    product.matrices.len() - 1
+                });
+                last = (pair, kind);
+            }
+            product.push(DiagonalBlock::Multiple(last.1, self.factors[block] * other.factors[block]));
+        }
+        product
+    }
 }
 
 impl BlockDiagonal {
-    /// Blocks whose rows start at `offsets` (its last entry is the number of rows), all zero; `bands` is 1 where all
-    /// bands share the same blocks.
+    /// Blocks whose rows start at `offsets` (its last entry is the number of rows), as `block(band, k)` says, which may name
+    /// some of the `matrices`; `bands` is 1 where all bands share the same blocks.
     ///
     /// # Panics
-    /// If `offsets` is empty.
-    pub fn zeros(offsets: &[usize], bands: usize) -> Self {
+    /// If `offsets` is empty, or a block has not as many numbers as its rows ask for.
+    pub fn new(
+        offsets: &[usize],
+        bands: usize,
+        matrices: &[Vec<f64>],
+        block: impl Fn(usize, usize) -> DiagonalBlock + Sync,
+    ) -> Self {
         assert!(!offsets.is_empty(), "offsets end with the number of rows");
-        let mut starts = vec![0];
-        for pair in offsets.windows(2) {
-            let n = pair[1] - pair[0];
-            starts.push(starts[starts.len() - 1] + n * n);
-        }
-        let numbers = starts[starts.len() - 1];
-        let sizes = || offsets.windows(2).map(|pair| pair[1] - pair[0]);
+        let (count, sizes) = (offsets.len() - 1, || offsets.windows(2).map(|pair| pair[1] - pair[0]));
+        let band = |band: usize| {
+            let mut blocks = Multiples { matrices: matrices.to_vec(), ..Multiples::default() };
+            // As many at a time as keep all threads at work: blocks wait as they are, and may be large.
+            let at_once = LEAST_BLOCKS * rayon::current_num_threads();
+            for first in (0..count).step_by(at_once) {
+                let some = first..(first + at_once).min(count);
+                let made: Vec<DiagonalBlock> = some.into_par_iter().map(|k| block(band, k)).collect();
+                made.into_iter().for_each(|block| blocks.push(block));
+            }
+            assert!(sizes().enumerate().all(|(k, n)| blocks.of(k).0.len() == n * n), "square blocks");
+            blocks
+        };
         let size = sizes().next().filter(|&first| sizes().all(|size| size == first));
-        Self { offsets: offsets.to_vec(), starts, size, bands: vec![vec![0.0; numbers]; bands] }
+        let bands = (0..bands).map(band).collect();
+        Self { offsets: offsets.iter().map(|&offset| offset as u32).collect(), size, bands }
     }
 
     /// The identity, with blocks whose rows start at `offsets`, the same for all bands.
@@ -42,62 +112,33 @@ impl BlockDiagonal {
     /// # Panics
     /// If `offsets` is empty.
     pub fn identity(offsets: &[usize]) -> Self {
-        let mut identity = Self::zeros(offsets, 1);
-        for (block, rows) in offsets.windows(2).enumerate() {
-            let n = rows[1] - rows[0];
-            identity.block_mut(0, block).iter_mut().step_by(n + 1).for_each(|entry| *entry = 1.0);
-        }
-        identity
+        let identity = |n: usize| (0..n * n).map(|k| f64::from(u8::from(k % (n + 1) == 0))).collect();
+        let sizes: Vec<usize> = offsets.windows(2).map(|rows| rows[1] - rows[0]).collect();
+        let matrices: Vec<Vec<f64>> = (0..=sizes.iter().copied().max().unwrap_or(0)).map(identity).collect();
+        Self::new(offsets, 1, &matrices, |_, block| DiagonalBlock::Multiple(sizes[block], 1.0))
     }
 
     /// Number of blocks.
     pub fn blocks(&self) -> usize {
-        self.starts.len() - 1
+        self.offsets.len() - 1
     }
 
     /// One block, row by row.
-    pub fn block(&self, band: usize, block: usize) -> &[f64] {
-        let band = band.min(self.bands.len() - 1);
-        &self.bands[band][self.starts[block]..self.starts[block + 1]]
-    }
-
-    /// One block, to write.
-    pub fn block_mut(&mut self, band: usize, block: usize) -> &mut [f64] {
-        &mut self.bands[band][self.starts[block]..self.starts[block + 1]]
+    pub fn block(&self, band: usize, block: usize) -> Vec<f64> {
+        let (matrix, factor) = self.band(band).of(block);
+        matrix.iter().map(|number| factor * number).collect()
     }
 
     /// The inverse; `None` if a block is not symmetric positive definite.
     pub fn inverse(&self) -> Option<Self> {
         let mut inverse = self.clone();
         for band in &mut inverse.bands {
-            for (block, range) in self.starts.windows(2).enumerate() {
-                let n = self.offsets[block + 1] - self.offsets[block];
-                invert(&mut band[range[0]..range[1]], n)?;
+            band.matrices.par_iter_mut().try_for_each(|matrix| invert(matrix))?;
+            for factor in &mut band.factors {
+                *factor = (*factor > 0.0 && factor.is_finite()).then(|| 1.0 / *factor)?;
             }
         }
         Some(inverse)
-    }
-
-    /// The rows of some blocks.
-    fn apply_some(&self, band: usize, blocks: Range<usize>, x: &[f64], y: &mut [f64]) {
-        let start = self.offsets[blocks.start];
-        let numbers = &self.bands[band.min(self.bands.len() - 1)];
-        let alike = self.size.filter(|size| [1, 3].contains(size)).unwrap_or(0);
-        let x_here = &x[start..self.offsets[blocks.end]];
-        let numbers_here = &numbers[self.starts[blocks.start]..self.starts[blocks.end]];
-        match alike {
-            1 => y.iter_mut().zip(numbers_here.iter().zip(x_here)).for_each(|(y, (a, x))| *y = a * x),
-            3 => apply_alike::<3, 9>(numbers_here, x_here, y),
-            _ => {
-                for block in blocks {
-                    let rows = self.offsets[block]..self.offsets[block + 1];
-                    let values = numbers[self.starts[block]..self.starts[block + 1]].chunks_exact(rows.len());
-                    for (y, row) in y[rows.start - start..rows.end - start].iter_mut().zip(values) {
-                        *y = row.iter().zip(&x[rows.clone()]).map(|(a, x)| a * x).sum();
-                    }
-                }
-            }
-        }
     }
 
     /// The product with another of the same blocks; one set for all bands goes with each of several.
@@ -107,61 +148,77 @@ impl BlockDiagonal {
     #[must_use]
     pub fn product(&self, other: &Self) -> Self {
         assert_eq!(self.offsets, other.offsets, "blocks of the same sizes");
-        let bands = self.bands.len().max(other.bands.len());
-        let mut product = Self::zeros(&self.offsets, bands);
-        for (band, numbers) in product.bands.iter_mut().enumerate() {
-            let mut places = Vec::with_capacity(self.blocks());
-            let mut rest = &mut numbers[..];
-            for pair in self.starts.windows(2) {
-                let (place, after) = rest.split_at_mut(pair[1] - pair[0]);
-                places.push(place);
-                rest = after;
-            }
-            places.into_par_iter().with_min_len(LEAST_BLOCKS).enumerate().for_each(|(block, place)| {
-                let n = self.offsets[block + 1] - self.offsets[block];
-                let (a, b) = (self.block(band, block), other.block(band, block));
-                for (k, entry) in place.iter_mut().enumerate() {
-                    let (row, column) = (k / n, k % n);
-                    *entry = (0..n).map(|j| a[row * n + j] * b[j * n + column]).sum();
-                }
-            });
-        }
-        product
+        let bands = 0..self.bands.len().max(other.bands.len());
+        let bands = bands.into_par_iter().map(|band| self.band(band).product(other.band(band))).collect();
+        Self { offsets: self.offsets.clone(), size: self.size, bands }
     }
 
-    /// The sum with another of the same blocks and as many bands.
+    /// The sum with another of the same blocks and as many bands; each block has numbers of its own then.
     ///
     /// # Panics
     /// If the blocks differ in size, or the bands in number.
     #[must_use]
     pub fn plus(&self, other: &Self) -> Self {
         assert_eq!((&self.offsets, self.bands.len()), (&other.offsets, other.bands.len()), "blocks of the same sizes");
-        let mut sum = self.clone();
-        let numbers = sum.bands.iter_mut().flatten().zip(other.bands.iter().flatten());
-        numbers.for_each(|(entry, other)| *entry += other);
-        sum
+        let offsets: Vec<usize> = self.offsets.iter().map(|&offset| offset as usize).collect();
+        Self::new(&offsets, self.bands.len(), &[], |band, block| {
+            let (a, b) = (self.block(band, block), other.block(band, block));
+            DiagonalBlock::Own(a.iter().zip(b).map(|(a, b)| a + b).collect())
+        })
     }
 
     /// The numbers of one row, and the column of the first.
-    pub fn row(&self, band: usize, row: usize) -> (usize, &[f64]) {
-        let block = self.offsets.partition_point(|&offset| offset <= row) - 1;
-        let (first, n) = (self.offsets[block], self.offsets[block + 1] - self.offsets[block]);
-        (first, &self.block(band, block)[(row - first) * n..(row - first + 1) * n])
+    pub fn row(&self, band: usize, row: usize) -> (usize, impl Iterator<Item = f64> + '_) {
+        let block = self.offsets.partition_point(|&offset| offset as usize <= row) - 1;
+        let rows = self.rows_of(block);
+        let (matrix, factor) = self.band(band).of(block);
+        let place = (row - rows.start) * rows.len();
+        (rows.start, matrix[place..place + rows.len()].iter().map(move |number| factor * number))
     }
 
     /// The entries as (row, column, value), for one band.
     pub fn triplets(&self, band: usize) -> impl Iterator<Item = (u32, u32, f64)> + '_ {
         (0..self.blocks()).flat_map(move |block| {
-            let (first, n) = (self.offsets[block], self.offsets[block + 1] - self.offsets[block]);
-            let values = self.block(band, block);
-            (0..n * n).map(move |k| ((first + k / n) as u32, (first + k % n) as u32, values[k]))
+            let (rows, (matrix, factor)) = (self.rows_of(block), self.band(band).of(block));
+            let at = move |k: usize| (rows.start + k / rows.len(), rows.start + k % rows.len());
+            let entry = move |(k, number): (usize, &f64)| (at(k).0 as u32, at(k).1 as u32, factor * number);
+            matrix.iter().enumerate().map(entry)
         })
+    }
+
+    fn band(&self, band: usize) -> &Multiples {
+        &self.bands[band.min(self.bands.len() - 1)]
+    }
+
+    fn rows_of(&self, block: usize) -> Range<usize> {
+        self.offsets[block] as usize..self.offsets[block + 1] as usize
+    }
+
+    /// The rows of some blocks.
+    fn apply_some(&self, band: usize, blocks: Range<usize>, x: &[f64], y: &mut [f64]) {
+        let (start, end) = (self.offsets[blocks.start] as usize, self.offsets[blocks.end] as usize);
+        let (blocks, x) = (blocks.map(|block| self.band(band).of(block)), &x[start..end]);
+        match self.size {
+            Some(1) => apply_alike::<1>(blocks, x, y),
+            Some(3) => apply_alike::<3>(blocks, x, y),
+            _ => {
+                let mut place = 0;
+                for (matrix, factor) in blocks {
+                    let n = matrix.len().isqrt();
+                    let here = place..place + n;
+                    for (y, row) in y[here.clone()].iter_mut().zip(matrix.chunks_exact(n)) {
+                        *y = factor * row.iter().zip(&x[here.clone()]).map(|(a, x)| a * x).sum::<f64>();
+                    }
+                    place += n;
+                }
+            }
+        }
     }
 }
 
 impl LinearOperator for BlockDiagonal {
     fn rows(&self) -> usize {
-        self.offsets[self.offsets.len() - 1]
+        self.offsets[self.offsets.len() - 1] as usize
     }
     fn cols(&self) -> usize {
         self.rows()
@@ -172,7 +229,8 @@ impl LinearOperator for BlockDiagonal {
             let mut parts = Vec::with_capacity(self.blocks().div_ceil(LEAST_BLOCKS));
             for first in (0..self.blocks()).step_by(LEAST_BLOCKS) {
                 let blocks = first..(first + LEAST_BLOCKS).min(self.blocks());
-                let (part, after) = rest.split_at_mut(self.offsets[blocks.end] - self.offsets[blocks.start]);
+                let rows = (self.offsets[blocks.end] - self.offsets[blocks.start]) as usize;
+                let (part, after) = rest.split_at_mut(rows);
                 parts.push((blocks, part));
                 rest = after;
             }
@@ -181,18 +239,26 @@ impl LinearOperator for BlockDiagonal {
     }
 }
 
-/// y = A x for blocks of N rows and M = N² numbers.
-fn apply_alike<const N: usize, const M: usize>(numbers: &[f64], x: &[f64], y: &mut [f64]) {
-    let blocks = numbers.as_chunks::<M>().0.iter().zip(x.as_chunks::<N>().0);
-    for (y, (a, x)) in y.as_chunks_mut::<N>().0.iter_mut().zip(blocks) {
-        for (i, y) in y.iter_mut().enumerate() {
-            *y = (0..N).map(|j| a[i * N + j] * x[j]).sum();
+/// y = A x for blocks of N rows.
+fn apply_alike<'a, const N: usize>(blocks: impl Iterator<Item = (&'a [f64], f64)>, x: &[f64], y: &mut [f64]) {
+    let places = y.as_chunks_mut::<N>().0.iter_mut().zip(x.as_chunks::<N>().0);
+    for ((matrix, factor), (y, x)) in blocks.zip(places) {
+        for (y, row) in y.iter_mut().zip(matrix.as_chunks::<N>().0) {
+            *y = factor * row.iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
         }
     }
 }
 
-/// Inverts a symmetric positive definite n × n matrix in place (Cholesky: A = L Lᵀ, A⁻¹ = L⁻ᵀ L⁻¹).
-fn invert(a: &mut [f64], n: usize) -> Option<()> {
+/// A B, row by row.
+fn multiplied(a: &[f64], b: &[f64]) -> Vec<f64> {
+    let n = a.len().isqrt();
+    let entry = |k: usize| (0..n).map(|j| a[k / n * n + j] * b[j * n + k % n]).sum();
+    (0..n * n).map(entry).collect()
+}
+
+/// Inverts a symmetric positive definite matrix in place (Cholesky: A = L Lᵀ, A⁻¹ = L⁻ᵀ L⁻¹).
+fn invert(a: &mut [f64]) -> Option<()> {
+    let n = a.len().isqrt();
     for j in 0..n {
         let pivot = a[j * n + j] - (0..j).map(|k| a[j * n + k] * a[j * n + k]).sum::<f64>();
         if pivot <= 0.0 || !pivot.is_finite() {
@@ -227,41 +293,92 @@ fn invert(a: &mut [f64], n: usize) -> Option<()> {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_block_times_its_inverse_is_the_identity() {
-        let mut blocks = BlockDiagonal::zeros(&[0, 1, 4], 1);
-        blocks.block_mut(0, 0)[0] = 4.0;
-        blocks.block_mut(0, 1).copy_from_slice(&[2.0, 1.0, 0.5, 1.0, 3.0, 1.0, 0.5, 1.0, 4.0]);
-        let x = MultiVector::from_fn(4, 2, |row, band| (row + 3 * band) as f64 + 1.0);
-        let back = blocks.inverse().expect("positive definite").times(&blocks.times(&x));
-        for (a, b) in x.as_slice().iter().zip(back.as_slice()) {
-            assert!((a - b).abs() < 1e-13, "{a} {b}");
+    /// Blocks of different numbers, of which every second is a multiple of one matrix where they are alike.
+    fn numbered(offsets: &[usize], bands: usize, seed: f64) -> BlockDiagonal {
+        let size = |block: usize| offsets[block + 1] - offsets[block];
+        let numbers = |n: usize, of: f64| -> Vec<f64> {
+            (0..n * n).map(|k| (seed * (of + k as f64)).sin() + if k % (n + 1) == 0 { 4.0 } else { 0.0 }).collect()
+        };
+        let symmetric = |n: usize, of: f64| -> Vec<f64> {
+            let a = numbers(n, of);
+            (0..n * n).map(|k| a[k] + a[k % n * n + k / n]).collect()
+        };
+        let matrices: Vec<Vec<f64>> = (0..4).map(|n| symmetric(n, 0.5)).collect();
+        BlockDiagonal::new(offsets, bands, &matrices, |band, block| {
+            if block % 2 == 0 {
+                DiagonalBlock::Multiple(size(block), 0.3 + band as f64)
+            } else {
+                DiagonalBlock::Own(symmetric(size(block), (10 * block + band) as f64))
+            }
+        })
+    }
+
+    /// Alike with loops of known length, alike without, and not alike.
+    const SIZES: [&[usize]; 4] = [&[0, 3, 6, 9], &[0, 1, 2, 3], &[0, 2, 4, 6], &[0, 2, 5, 6]];
+
+    fn some(rows: usize) -> MultiVector {
+        MultiVector::from_fn(rows, 2, |row, band| (row + 7 * band) as f64 + 1.0)
+    }
+
+    fn assert_equal(a: &MultiVector, b: &MultiVector) {
+        for (a, b) in a.as_slice().iter().zip(b.as_slice()) {
+            assert!((a - b).abs() < 1e-11, "{a} {b}");
         }
     }
 
     #[test]
-    fn a_product_applies_one_factor_after_the_other() {
-        for sizes in [&[0, 3, 6][..], &[0, 1, 2], &[0, 2, 5]] {
-            let numbered = |bands: usize, factor: f64| {
-                let mut blocks = BlockDiagonal::zeros(sizes, bands);
-                for (k, number) in blocks.bands.iter_mut().flatten().enumerate() {
-                    *number = (factor * (k + 1) as f64).sin();
+    fn a_matrix_times_its_inverse_is_the_identity() {
+        for sizes in SIZES {
+            let (a, x) = (numbered(sizes, 1, 1.3), some(sizes[3]));
+            assert_equal(&x, &a.inverse().expect("positive definite").times(&a.times(&x)));
+            assert_equal(&x, &BlockDiagonal::identity(sizes).times(&x));
+        }
+    }
+
+    #[test]
+    fn a_product_applies_one_factor_after_the_other_and_a_sum_both() {
+        for sizes in SIZES {
+            let (a, b, c) = (numbered(sizes, 2, 1.3), numbered(sizes, 1, 0.7), numbered(sizes, 2, 0.4));
+            let x = some(sizes[3]);
+            assert_equal(&a.product(&b).times(&x), &a.times(&b.times(&x)));
+            let mut both = a.times(&x);
+            both.add_scaled(1.0, &c.times(&x));
+            assert_equal(&a.plus(&c).times(&x), &both);
+        }
+    }
+
+    #[test]
+    fn rows_blocks_and_triplets_have_the_numbers_that_are_applied() {
+        for sizes in SIZES {
+            let (a, x) = (numbered(sizes, 2, 1.3), some(sizes[3]));
+            for band in 0..2 {
+                let of = |(first, numbers): (usize, Vec<f64>)| -> f64 {
+                    numbers.iter().enumerate().map(|(k, a)| a * x.band(band)[first + k]).sum()
+                };
+                let by_rows = (0..sizes[3]).map(|row| a.row(band, row)).map(|(first, row)| of((first, row.collect())));
+                let by_blocks = (0..a.blocks()).flat_map(|block| {
+                    let (rows, numbers) = (sizes[block]..sizes[block + 1], a.block(band, block));
+                    numbers.chunks_exact(rows.len()).map(|row| of((rows.start, row.to_vec()))).collect::<Vec<_>>()
+                });
+                let mut by_triplets = vec![0.0; sizes[3]];
+                a.triplets(band).for_each(|(i, j, a)| by_triplets[i as usize] += a * x.band(band)[j as usize]);
+                let applied = a.times(&x);
+                for found in [by_rows.collect(), by_blocks.collect(), by_triplets] {
+                    let [found, applied] = [found, applied.band(band).to_vec()]
+                        .map(|numbers| MultiVector::from_bands(1, numbers).expect("one band"));
+                    assert_equal(&found, &applied);
                 }
-                blocks
-            };
-            let (a, b) = (numbered(2, 1.3), numbered(1, 0.7));
-            let x = MultiVector::from_fn(a.rows(), 2, |row, band| (row + 7 * band) as f64);
-            let (once, twice) = (a.product(&b).times(&x), a.times(&b.times(&x)));
-            for (once, twice) in once.as_slice().iter().zip(twice.as_slice()) {
-                assert!((once - twice).abs() < 1e-12, "{once} {twice}");
             }
         }
     }
 
     #[test]
-    fn an_indefinite_block_has_no_inverse() {
-        let mut blocks = BlockDiagonal::zeros(&[0, 2], 1);
-        blocks.block_mut(0, 0).copy_from_slice(&[1.0, 2.0, 2.0, 1.0]);
-        assert!(blocks.inverse().is_none());
+    fn what_is_not_positive_definite_has_no_inverse() {
+        let own = |numbers: [f64; 4]| BlockDiagonal::new(&[0, 2], 1, &[], |_, _| DiagonalBlock::Own(numbers.to_vec()));
+        assert!(own([1.0, 2.0, 2.0, 1.0]).inverse().is_none());
+        for factor in [0.0, -1.0, f64::NAN] {
+            let zero = BlockDiagonal::new(&[0, 1], 1, &[vec![1.0]], |_, _| DiagonalBlock::Multiple(0, factor));
+            assert!(zero.inverse().is_none(), "{factor}");
+        }
     }
 }

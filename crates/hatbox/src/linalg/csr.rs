@@ -1,14 +1,15 @@
 use super::{LinearOperator, MultiVector};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Rows of a thread at the least.
 const LEAST_ROWS: usize = 1 << 13;
 
-/// A sparse matrix in compressed rows.
+/// A sparse matrix in compressed rows, of less than 2³² entries.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Csr {
     cols: usize,
-    offsets: Vec<usize>,
+    offsets: Vec<u32>,
     indices: Vec<u32>,
     values: Vec<f64>,
 }
@@ -51,21 +52,21 @@ impl Csr {
             assert!(row.last().is_none_or(|last| (last.0 as usize) < cols), "entry outside the matrix");
             matrix.indices.extend(row.iter().map(|entry| entry.0));
             matrix.values.extend(row.iter().map(|entry| entry.1));
-            matrix.offsets.push(matrix.values.len());
+            matrix.offsets.push(matrix.values.len() as u32);
         }
         matrix
     }
 
     /// One entry; 0 where none is stored.
     pub fn get(&self, row: usize, col: usize) -> f64 {
-        let range = self.offsets[row]..self.offsets[row + 1];
+        let range = self.range(row);
         let place = self.indices[range.clone()].binary_search(&(col as u32));
         place.map_or(0.0, |place| self.values[range.start + place])
     }
 
     /// The entries (column, value) of one row, columns ascending.
     pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let range = self.offsets[row]..self.offsets[row + 1];
+        let range = self.range(row);
         self.indices[range.clone()].iter().zip(&self.values[range]).map(|(&col, &value)| (col as usize, value))
     }
 
@@ -74,13 +75,30 @@ impl Csr {
         self.values.len()
     }
 
+    fn range(&self, row: usize) -> Range<usize> {
+        self.offsets[row] as usize..self.offsets[row + 1] as usize
+    }
+
     /// The transpose.
     #[must_use]
     pub fn transpose(&self) -> Self {
-        let triplets = (0..self.rows())
-            .flat_map(|row| self.row(row).map(move |(col, value)| (col as u32, row as u32, value)))
-            .collect();
-        Self::from_triplets(self.cols, self.rows(), triplets)
+        let mut offsets = vec![0_u32; self.cols + 1];
+        for &col in &self.indices {
+            offsets[col as usize + 1] += 1;
+        }
+        for col in 0..self.cols {
+            offsets[col + 1] += offsets[col];
+        }
+        let (mut indices, mut values) = (vec![0; self.stored()], vec![0.0; self.stored()]);
+        let mut next = offsets.clone();
+        for row in 0..self.rows() {
+            for (col, value) in self.row(row) {
+                let place = next[col] as usize;
+                (indices[place], values[place]) = (row as u32, value);
+                next[col] += 1;
+            }
+        }
+        Self { cols: self.rows(), offsets, indices, values }
     }
 
     /// The diagonal.

@@ -10,7 +10,7 @@ mod csr;
 mod fit;
 mod multivector;
 
-pub use block_diagonal::BlockDiagonal;
+pub use block_diagonal::{BlockDiagonal, DiagonalBlock};
 pub use csr::Csr;
 pub(crate) use fit::fit;
 pub use multivector::MultiVector;

@@ -81,8 +81,13 @@ impl Patch {
 
     /// Whether the map is affine: a triangle, or a parallelogram to the precision of files (1e-6 of its size).
     pub fn is_affine(&self) -> bool {
+        self.is_affine_to(1e-6)
+    }
+
+    /// Whether it is a triangle, or a parallelogram to so much of its size.
+    pub fn is_affine_to(&self, tolerance: f64) -> bool {
         let [a, b, c, d] = self.corners;
-        self.shape == Shape::Triangle || (a - b + c - d).length() <= 1e-6 * (c - a).length()
+        self.shape == Shape::Triangle || (a - b + c - d).length() <= tolerance * (c - a).length()
     }
 
     /// The reference coordinates of a point of the patch's plane (Newton's method on quads, exact on affine ones).

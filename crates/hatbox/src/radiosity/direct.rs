@@ -55,7 +55,8 @@ impl<'a> Direct<'a> {
             }
         }
         let Some(inverse) = &self.mass_inverse else { return Projected(vec![0.0; bands * dofs]) };
-        let rows = inverse.block(0, cell).chunks_exact(dofs);
+        let inverse = inverse.block(0, cell);
+        let rows = inverse.chunks_exact(dofs);
         let of = |arrived: &[f64]| rows.clone().map(|row| row.iter().zip(arrived).map(|(m, s)| m * s).sum()).collect();
         Projected(arrived.chunks_exact(dofs).flat_map(|arrived| -> Vec<f64> { of(arrived) }).collect())
     }

@@ -13,7 +13,7 @@
 //! [`estimate_error`](super::estimate_error). Jumps of value alone, the usual indicator, were tried and dropped: for odd p
 //! the projection's error is the same on both sides of an edge, and they vanish with a higher power of h.
 
-use super::{Shown, Solution};
+use super::Solution;
 use crate::assemble::{load, mass, weighted_mass};
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::mesh::Side;
@@ -33,7 +33,7 @@ fn reflected_once_more(solution: &Solution) -> Option<MultiVector> {
 /// The indicated error of B̃, root of the mean square over each cell, cells × bands in the unit of B.
 pub fn local_error(solution: &Solution) -> MultiVector {
     match reflected_once_more(solution) {
-        Some(g) => indicated(solution, g),
+        Some(g) => indicated(solution, &g),
         None => MultiVector::zeros(solution.space.cells(), solution.bands()),
     }
 }
@@ -41,11 +41,11 @@ pub fn local_error(solution: &Solution) -> MultiVector {
 /// How far a function is in each cell from one that the space has: the second of the two parts of the indicator, for the
 /// radiosity of `function` itself in the place of g.
 pub(crate) fn roughness(function: &Solution) -> MultiVector {
-    indicated(function, function.radiosity.clone())
+    indicated(function, &function.radiosity)
 }
 
 /// The indicator from g.
-pub(super) fn indicated(solution: &Solution, g: MultiVector) -> MultiVector {
+pub(super) fn indicated(solution: &Solution, g: &MultiVector) -> MultiVector {
     let (space, bands) = (&solution.space, solution.bands());
     let mut squares = MultiVector::zeros(space.cells(), bands);
     let mut own = g.clone();
@@ -58,10 +58,9 @@ pub(super) fn indicated(solution: &Solution, g: MultiVector) -> MultiVector {
             squares.band_mut(band)[cell] = (square / area).max(0.0);
         }
     }
-    let reflected = Solution { radiosity: g, ..solution.clone() };
     for [a, b] in joints(&solution.scene, CREASE_ANGLE) {
         for (to, from) in [(a, b), (b, a)] {
-            add_difference(&reflected, to, from, &mut squares);
+            add_difference(solution, g, [to, from], &mut squares);
         }
     }
     squares.as_mut_slice().iter_mut().for_each(|square| *square = square.sqrt());
@@ -70,15 +69,14 @@ pub(super) fn indicated(solution: &Solution, g: MultiVector) -> MultiVector {
 
 /// Adds the square of the difference between a cell and its neighbour's function, continued, in the middle of the cell;
 /// each of the cell's edges has its share of two directions.
-fn add_difference(reflected: &Solution, to: Side, from: Side, squares: &mut MultiVector) {
-    let (cell, other) = (to.cell as usize, from.cell as usize);
-    let mesh = &reflected.scene.mesh;
+fn add_difference(solution: &Solution, g: &MultiVector, sides: [Side; 2], squares: &mut MultiVector) {
+    let ([cell, other], mesh) = (sides.map(|side| side.cell as usize), &solution.scene.mesh);
     let patch = mesh.patch(cell);
     let (here, there) = (patch.locate(patch.center()), mesh.patch(other).locate(patch.center()));
     let share = 2.0 / patch.corners().len() as f64;
-    let quotient = QUOTIENTS[reflected.space.element(cell).degree.min(2)];
-    for band in 0..reflected.bands() {
-        let value = |cell, at| reflected.evaluate(Shown::Radiosity, cell, at, band);
+    let quotient = QUOTIENTS[solution.space.element(cell).degree.min(2)];
+    for band in 0..g.bands() {
+        let value = |cell, at| solution.space.evaluate(g.band(band), cell, at);
         let difference: f64 = value(cell, here) - value(other, there);
         squares.band_mut(band)[cell] += share * quotient * difference * difference;
     }

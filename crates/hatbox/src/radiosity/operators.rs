@@ -7,19 +7,20 @@ use crate::solve::{Params, cg};
 use crate::space::FunctionSpace;
 use rayon::prelude::*;
 use std::borrow::Cow;
+use std::sync::Arc;
 
 /// C, Cᵀ and CᵀΔC; where nothing is joined, C is the identity.
 #[derive(Clone)]
 pub(super) struct Join {
-    matrices: Option<[Csr; 3]>,
+    matrices: Option<[Arc<Csr>; 3]>,
 }
 
 impl Join {
     pub(super) fn of(space: &FunctionSpace, mass: &BlockDiagonal) -> Self {
-        let matrices = space.continuity().map(|c| {
+        let matrices = space.shared_continuity().map(|c| {
             let transpose = c.transpose();
             let joined = congruent(c, &transpose, mass);
-            [c.clone(), transpose, joined]
+            [Arc::clone(c), Arc::new(transpose), Arc::new(joined)]
         });
         Self { matrices }
     }
@@ -48,7 +49,7 @@ fn congruent(c: &Csr, transpose: &Csr, mass: &BlockDiagonal) -> Csr {
         let mut entries: Vec<(u32, f64)> = Vec::new();
         for (k, left) in transpose.row(i) {
             let (first, numbers) = mass.row(0, k);
-            for (l, number) in numbers.iter().enumerate() {
+            for (l, number) in numbers.enumerate() {
                 for (j, right) in c.row(first + l) {
                     let value = left * number * right;
                     match entries.iter_mut().find(|(column, _)| *column as usize == j) {
@@ -75,7 +76,7 @@ pub(super) struct Mass<'a> {
 impl Mass<'_> {
     fn matrix(&self) -> &dyn LinearOperator {
         match &self.join.matrices {
-            Some([.., joined]) => joined,
+            Some([.., joined]) => &**joined,
             None => self.mass,
         }
     }
@@ -131,20 +132,59 @@ impl LinearOperator for InverseMass<'_> {
     }
 }
 
+/// What arrives from a function: S C, or Cᵀ S C, a sixth of the numbers where triangles are joined.
+pub(super) struct Arriving<'a> {
+    pub(super) join: &'a Join,
+    pub(super) exchange: &'a dyn Exchange,
+    /// Whether it is collected: tested with the joined functions instead of the broken ones.
+    pub(super) collected: bool,
+}
+
+impl LinearOperator for Arriving<'_> {
+    fn rows(&self) -> usize {
+        let broken = self.exchange.rows();
+        if self.collected { self.join.unknowns(broken) } else { broken }
+    }
+    fn cols(&self) -> usize {
+        self.join.unknowns(self.exchange.cols())
+    }
+    fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
+        match &self.join.matrices {
+            Some([c, transpose, _]) if self.collected => self.exchange.apply_joined(c, transpose, x, y),
+            _ => self.exchange.apply(&self.join.spread(x), y),
+        }
+    }
+}
+
+/// What is reflected of what arrives.
+pub(super) enum Reflection {
+    /// R of each joined function and band: where R does not vary on what is joined, Cᵀ M_R Δ⁻¹ s = R Cᵀ s. For what is
+    /// collected.
+    Joined(MultiVector),
+    /// M_R Δ⁻¹, for what is not.
+    Broken(BlockDiagonal),
+}
+
 /// F̂ = Cᵀ M_R Δ⁻¹ S C.
 #[derive(Clone, Copy)]
 pub(super) struct Transport<'a> {
     pub(super) join: &'a Join,
-    /// S C.
+    /// [`Arriving`], collected as `reflection` wants it.
     pub(super) seen: &'a dyn LinearOperator,
-    /// M_R Δ⁻¹.
-    pub(super) reflection: &'a BlockDiagonal,
+    pub(super) reflection: &'a Reflection,
 }
 
 impl Transport<'_> {
-    /// F̂ x from S C x.
+    /// F̂ x from what arrives of x.
     pub(super) fn of(&self, seen: &MultiVector) -> MultiVector {
-        self.join.collect(self.reflection.times(seen))
+        match self.reflection {
+            Reflection::Joined(reflectance) => {
+                let mut reflected = seen.clone();
+                multiply(&mut reflected, reflectance);
+                reflected
+            }
+            Reflection::Broken(blocks) => self.join.collect(blocks.times(seen)),
+        }
     }
 }
 
@@ -167,7 +207,7 @@ pub(super) struct Equation<'a> {
 }
 
 impl Equation<'_> {
-    /// Δ x − F̂ x from x and S C x.
+    /// Δ x − F̂ x from x and what arrives of it.
     pub(super) fn of(&self, x: &MultiVector, seen: &MultiVector) -> MultiVector {
         let mut y = self.mass.times(x);
         y.add_scaled(-1.0, &self.transport.of(seen));

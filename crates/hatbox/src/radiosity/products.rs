@@ -9,7 +9,7 @@
 //! It is for sampled operators, with which products are all of the time. They are kept in single precision, which is far
 //! better than the samples; a dense operator is solved with to the last digits, and fast anyway.
 
-use super::operators::{Equation, Join};
+use super::operators::{Arriving, Equation};
 use crate::linalg::{LinearOperator, MultiVector, fit};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -25,7 +25,7 @@ const CANCELLED: f64 = 100.0;
 /// Solvers that go farther than this begin afresh: kept numbers have seven digits.
 const FARTHEST: f64 = 1e-5;
 
-/// A function of the joined space in each band, and what S makes of it, tested with the broken one.
+/// A function of the joined space in each band, and what arrives of it ([`Arriving`](super::operators::Arriving)).
 #[derive(Debug)]
 struct Product {
     bands: usize,
@@ -47,7 +47,7 @@ impl Product {
         self.x.iter().chain(&self.image).all(|x| x.is_finite())
     }
 
-    /// S C x, if every band of x is a multiple of that of this function.
+    /// What arrives of x, if every band of x is a multiple of that of this function.
     fn multiple(&self, x: &MultiVector) -> Option<MultiVector> {
         let mut image = double(&self.image, self.bands);
         for band in 0..self.bands {
@@ -69,7 +69,7 @@ impl Product {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Products(Vec<Arc<Product>>);
 
-/// A part of a solution: c and S C c.
+/// A part of a solution: c and what arrives of it.
 pub(super) struct Part {
     pub(super) x: MultiVector,
     pub(super) image: MultiVector,
@@ -93,7 +93,7 @@ impl Products {
         if tolerance < FARTHEST { Self::default() } else { self.clone() }
     }
 
-    /// S C x, if every band of x is a multiple of that of one function that is known.
+    /// What arrives of x, if every band of x is a multiple of that of one function that is known.
     pub(super) fn image_of(&self, x: &MultiVector) -> Option<MultiVector> {
         self.of_bands(x.bands()).find_map(|product| product.multiple(x))
     }
@@ -119,7 +119,7 @@ impl Products {
         self.0.iter().filter(move |product| product.bands == bands)
     }
 
-    /// Σ y_j x_j and Σ y_j S C x_j.
+    /// Σ y_j x_j and what arrives of it.
     fn combined(&self, y: &[Vec<f64>], like: &MultiVector) -> Option<Part> {
         let bands = like.bands();
         let mut products = self.of_bands(bands).peekable();
@@ -144,10 +144,9 @@ fn add(sum: &mut [f64], factor: f64, numbers: &[f32]) {
     sum.iter_mut().zip(numbers).for_each(|(sum, &number)| *sum += factor * f64::from(number));
 }
 
-/// S C, which remembers what it is asked.
+/// What arrives, remembered.
 pub(super) struct Asked<'a> {
-    join: &'a Join,
-    exchange: &'a dyn LinearOperator,
+    arriving: Arriving<'a>,
     /// Most bytes that may be kept.
     most_bytes: usize,
     log: Mutex<Log>,
@@ -162,11 +161,11 @@ struct Log {
 
 impl<'a> Asked<'a> {
     /// Keeps no more than so many bytes of products for [`products`](Self::products).
-    pub(super) fn new(join: &'a Join, exchange: &'a dyn LinearOperator, most_bytes: usize) -> Self {
-        Self { join, exchange, most_bytes, log: Mutex::default() }
+    pub(super) fn new(arriving: Arriving<'a>, most_bytes: usize) -> Self {
+        Self { arriving, most_bytes, log: Mutex::default() }
     }
 
-    /// S C x, without asking if that was the last thing asked for.
+    /// What arrives of x, without asking if that was the last thing asked for.
     pub(super) fn last_of(&self, x: &MultiVector) -> MultiVector {
         let last = self.log.lock().unwrap_or_else(PoisonError::into_inner).last.take();
         match last {
@@ -183,13 +182,13 @@ impl<'a> Asked<'a> {
 
 impl LinearOperator for Asked<'_> {
     fn rows(&self) -> usize {
-        self.exchange.rows()
+        self.arriving.rows()
     }
     fn cols(&self) -> usize {
-        self.join.unknowns(self.exchange.cols())
+        self.arriving.cols()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        self.exchange.apply(&self.join.spread(x), y);
+        self.arriving.apply(x, y);
         let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
         let product = (log.kept.len() < MOST && log.bytes < self.most_bytes).then(|| Product::new(x, y));
         let fits = |product: &Product| log.bytes + product.bytes() <= self.most_bytes && product.is_finite();

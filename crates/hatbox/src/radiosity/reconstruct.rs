@@ -8,7 +8,6 @@ use crate::quadrature::sequence::hash;
 use crate::scene::{Material, Quantity, Scene};
 use crate::space::FunctionSpace;
 use rayon::prelude::*;
-use std::sync::Arc;
 
 /// The solution with every nodal value of E gathered afresh from B̃, and B = B⁰ + R E there: I. H. Sloan's iterate, half
 /// an order more accurate at the nodes, with the direct light of each point its own. The power of the result is close to
@@ -75,7 +74,7 @@ pub fn error_of(solution: &Solution) -> Solution {
         ..material.clone()
     };
     let materials = solution.scene.materials.iter().map(white).collect();
-    let scene = Scene { materials, surfaces: Arc::clone(&solution.scene.surfaces), ..solution.scene.clone() };
+    let scene = Scene { materials, ..solution.scene.clone() };
     // Constants have an element for every shape of cell.
     match FunctionSpace::broken(&scene.mesh, &ALL[0]) {
         Ok(space) => Solution { scene, space, radiosity: error.clone(), irradiance: error },

@@ -170,7 +170,7 @@ struct Measure<'a> {
     /// ‖B̃ − B⁰‖ within, per band.
     norms: Vec<f64>,
     /// Δ⁻¹(b⁰ + M_R e).
-    reflected: Solution,
+    reflected: MultiVector,
     /// The indicators.
     indicated: MultiVector,
 }
@@ -183,8 +183,8 @@ impl<'a> Measure<'a> {
         let mut measure = Self {
             norms: Vec::new(),
             areas: (0..mesh.cells.len()).map(|cell| mesh.patch(cell).area()).collect(),
-            indicated: indicated(solution, reflected.clone()),
-            reflected: Solution { radiosity: reflected, ..solution.clone() },
+            indicated: indicated(solution, &reflected),
+            reflected,
             system,
             solution,
             sampling,
@@ -280,7 +280,7 @@ impl<'a> Measure<'a> {
             let b = self.solution.evaluate(Shown::Radiosity, cell, at, band);
             let (b0, r) = (material.exitance.at(&site, band), material.reflectance.at(&site, band));
             let e = self.solution.evaluate(Shown::Irradiance, cell, at, band);
-            let projected = self.reflected.evaluate(Shown::Radiosity, cell, at, band);
+            let projected = self.solution.space.evaluate(self.reflected.band(band), cell, at);
             [b0 + r * first[band] - b, b0 + r * second[band] - b, b0 + r * e - projected, projected - b]
         };
         let bands = (0..self.solution.bands()).map(of).collect();
@@ -345,7 +345,7 @@ impl<'a> Measure<'a> {
 
     /// ‖p‖² and ⟨r, p⟩ within, per band.
     fn propagated(&self, samples: &[Sample], progress: &dyn Progress) -> Result<Vec<[f64; 2]>, SolveError> {
-        let mut residual = self.reflected.radiosity.clone();
+        let mut residual = self.reflected.clone();
         residual.add_scaled(-1.0, &self.solution.radiosity);
         residual.add_scaled(1.0, &part_means(self.system, samples, self.solution.bands()));
         let p = self.system.reflections(&residual, progress)?;

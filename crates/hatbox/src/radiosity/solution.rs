@@ -1,6 +1,5 @@
 //! The solution as a function on the surfaces.
 
-use crate::element::MAX_DOFS;
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::scene::Scene;
 use crate::space::FunctionSpace;
@@ -35,8 +34,7 @@ impl Solution {
             Shown::Radiosity => &self.radiosity,
             Shown::Irradiance => &self.irradiance,
         };
-        let functions: [f64; MAX_DOFS] = self.space.element(cell).values(at);
-        field.band(band)[self.space.range(cell)].iter().zip(functions).map(|(b, n)| b * n).sum()
+        self.space.evaluate(field.band(band), cell, at)
     }
 
     /// The joined coefficients of B, one per unknown and band: what the system was solved for. The broken ones where

@@ -1,5 +1,5 @@
 use super::lossless::{lossless_band, mirrors};
-use super::operators::{Equation, InverseMass, Join, Mass, Symmetric, Transport, preconditioner};
+use super::operators::{Arriving, Equation, InverseMass, Join, Mass, Reflection, Symmetric, Transport, preconditioner};
 use super::products::{Asked, Part, Products};
 use super::residual::greater;
 use super::{Energy, Error, Gather, MaterialsError, Solution};
@@ -194,9 +194,13 @@ impl System {
         if materials.len() != self.scene.materials.len() || !materials.iter().zip(&self.scene.materials).all(same) {
             return Err(MaterialsError::Geometry);
         }
+        let collects = self.collects();
         self.scene.set_materials(materials)?;
         if let Some(found) = self.found.take() {
             self.known = found.with(&self.known, self.most_products());
+        }
+        if self.collects() != collects {
+            self.known = Products::default();
         }
         // The cells have elements: only the joints may differ.
         match FunctionSpace::new(&self.scene, self.space.basis(), continuity) {
@@ -338,7 +342,7 @@ impl System {
         params: &solve::Params,
         progress: &dyn Progress,
     ) -> Result<(Solution, Info), SolveError> {
-        let seen = Asked::new(&self.join, &*self.exchange, 0);
+        let seen = self.arriving();
         let reflection = self.reflection();
         let transport = Transport { join: &self.join, seen: &seen, reflection: &reflection };
         let right_side = self.join.collect(load.clone());
@@ -357,7 +361,7 @@ impl System {
         params: &solve::Params,
         progress: &dyn Progress,
     ) -> Result<(Solution, Info, Products), SolveError> {
-        let seen = Asked::new(&self.join, &*self.exchange, bytes);
+        let seen = Asked::new(self.arriving(), bytes);
         let reflection = self.reflection();
         let transport = Transport { join: &self.join, seen: &seen, reflection: &reflection };
         let equation = Equation { mass: self.joined_mass(), transport };
@@ -378,7 +382,7 @@ impl System {
             b.add_scaled(1.0, &step);
             arrived.add_scaled(1.0, &seen.last_of(&step));
         }
-        let solution = self.solution_of(self.join.spread(&b).into_owned(), arrived);
+        let solution = self.solution_of(self.join.spread(&b).into_owned(), arrived, self.collects());
         Ok((solution, info, seen.products()))
     }
 
@@ -387,9 +391,38 @@ impl System {
         self.spare.min(self.exchange.statistics().bytes / 2)
     }
 
-    /// M_R Δ⁻¹.
-    fn reflection(&self) -> BlockDiagonal {
-        weighted_mass(&self.scene, &self.space).product(&self.mass_inverse)
+    /// What arrives, as [`reflection`](Self::reflection) wants it.
+    fn arriving(&self) -> Arriving<'_> {
+        Arriving { join: &self.join, exchange: &*self.exchange, collected: self.collects() }
+    }
+
+    /// Whether all that is asked of what arrives are its integrals against the joined functions: R does not vary on what is
+    /// joined, which is of one material, and the irradiance of a sampled operator is joined as well.
+    fn collects(&self) -> bool {
+        !self.exchange.is_symmetric() && self.is_reflectance_uniform()
+    }
+
+    /// Whether no material's reflectance varies from place to place.
+    fn is_reflectance_uniform(&self) -> bool {
+        let uniform = |m: &Material| (0..self.scene.bands).all(|band| m.reflectance.uniform(band).is_some());
+        self.scene.materials.iter().all(uniform)
+    }
+
+    fn reflection(&self) -> Reflection {
+        if !self.collects() {
+            return Reflection::Broken(weighted_mass(&self.scene, &self.space).product(&self.mass_inverse));
+        }
+        let mut reflectance = MultiVector::zeros(self.space.dofs(), self.scene.bands);
+        for cell in 0..self.space.cells() {
+            let of_cell = &self.scene.material(cell).reflectance;
+            for band in 0..self.scene.bands {
+                let r = of_cell.uniform(band).unwrap_or(0.0);
+                let unknowns = self.space.range(cell).flat_map(|dof| self.space.unknowns_of(dof));
+                let column = reflectance.band_mut(band);
+                unknowns.for_each(|(unknown, _)| column[unknown] = r);
+            }
+        }
+        Reflection::Joined(reflectance)
     }
 
     fn solve_symmetric(
@@ -413,19 +446,23 @@ impl System {
     /// The solution whose radiosity has these broken coefficients.
     fn solution(&self, radiosity: MultiVector) -> Solution {
         let arrived = self.exchange.times(&radiosity);
-        self.solution_of(radiosity, arrived)
+        self.solution_of(radiosity, arrived, false)
     }
 
-    /// The same, if `arrived` is S of it.
-    fn solution_of(&self, radiosity: MultiVector, mut arrived: MultiVector) -> Solution {
-        let steady = self.exchange.steady(&radiosity);
-        if let Some(steady) = &steady {
-            arrived.add_scaled(-1.0, steady);
-        }
-        let mut irradiance = self.irradiance_of(&arrived);
-        if let Some(steady) = &steady {
-            irradiance.add_scaled(1.0, &self.mass_inverse.times(steady));
-        }
+    /// The same, if `arrived` is S of it, or that collected. What a sampled operator has from lamps alone is not averaged
+    /// ([`Exchange::steady`]).
+    fn solution_of(&self, radiosity: MultiVector, arrived: MultiVector, collected: bool) -> Solution {
+        let irradiance = match self.exchange.steady(&radiosity) {
+            None if collected => self.averaged(&arrived),
+            None => self.irradiance_of(&arrived),
+            Some(steady) => {
+                let mut rest = if collected { arrived } else { self.join.collect(arrived) };
+                rest.add_scaled(-1.0, &self.join.collect(steady.clone()));
+                let mut irradiance = self.averaged(&rest);
+                irradiance.add_scaled(1.0, &self.mass_inverse.times(&steady));
+                irradiance
+            }
+        };
         Solution { scene: self.scene.clone(), space: self.space.clone(), radiosity, irradiance }
     }
 
@@ -437,8 +474,13 @@ impl System {
         if self.exchange.is_symmetric() {
             self.mass_inverse.times(arrived)
         } else {
-            self.join.spread(&self.inverse_mass().times(&self.join.collect(arrived.clone()))).into_owned()
+            self.averaged(&self.join.collect(arrived.clone()))
         }
+    }
+
+    /// The joined function with these integrals against the joined functions, in the broken space.
+    fn averaged(&self, collected: &MultiVector) -> MultiVector {
+        self.join.spread(&self.inverse_mass().times(collected)).into_owned()
     }
 
     /// √R for each broken coefficient and band, if S is symmetric and R constant on every element.
@@ -462,8 +504,7 @@ impl System {
         let left = self.mass.times(&solution.radiosity);
         // Joining keeps the power of what is joined, and that is of one material: where R does not vary on it, the
         // irradiance has the sums of what arrived.
-        let uniform = |m: &Material| (0..self.scene.bands).all(|band| m.reflectance.uniform(band).is_some());
-        let arrived = if self.scene.materials.iter().all(uniform) {
+        let arrived = if self.is_reflectance_uniform() {
             self.mass.times(&solution.irradiance)
         } else {
             self.exchange.times(&solution.radiosity)

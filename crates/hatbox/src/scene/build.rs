@@ -158,7 +158,7 @@ impl Scene {
             (contacts, Warning::Contacts(contacts)),
         ];
         let warnings = warnings.into_iter().filter(|&(n, _)| n > 0).map(|(_, warning)| warning).collect();
-        Ok(Self { mesh, materials, surfaces: surfaces.into(), bands, physics, camera, warnings })
+        Ok(Self { mesh: Arc::new(mesh), materials, surfaces: surfaces.into(), bands, physics, camera, warnings })
     }
 
     /// The scene subdivided for a basis: quads are split first if the basis has no element on them. What blocks light
@@ -172,7 +172,12 @@ impl Scene {
         } else {
             self.mesh.refined(refinement)?
         };
-        Ok(Self { mesh, surfaces: Arc::clone(&self.surfaces), ..self.clone() })
+        Ok(self.on(mesh))
+    }
+
+    /// The same materials on other cells, of the same faces.
+    fn on(&self, mesh: Mesh) -> Self {
+        Self { mesh: Arc::new(mesh), ..self.clone() }
     }
 
     /// Replaces the materials, one by one.
@@ -206,7 +211,7 @@ impl Scene {
         };
         let mesh = self.mesh.refined_graded(refinement, q)?;
         let mesh = if split { mesh.triangulated() } else { mesh };
-        Ok(Self { mesh, surfaces: Arc::clone(&self.surfaces), ..self.clone() })
+        Ok(self.on(mesh))
     }
 
     /// The scene with the marked cells refined, and few others ([`Mesh::bisected`]); quads stay as they are. Also for each
@@ -217,20 +222,20 @@ impl Scene {
     #[must_use]
     pub fn bisected(&self, marked: &[bool]) -> (Self, Vec<u32>) {
         let Bisected { mesh, parents } = self.mesh.bisected(marked);
-        (Self { mesh, surfaces: Arc::clone(&self.surfaces), ..self.clone() }, parents)
+        (self.on(mesh), parents)
     }
 
     /// The scene with cells split along segments of their planes: [`Mesh::split_along`].
     #[must_use]
     pub fn split_along(&self, lines: &[(usize, Line)]) -> Self {
         let (mesh, _) = self.mesh.split_along(lines, self.mesh.tolerance());
-        Self { mesh, surfaces: Arc::clone(&self.surfaces), ..self.clone() }
+        self.on(mesh)
     }
 
     /// The scene with every quad split into triangles.
     #[must_use]
     pub fn triangulated(&self) -> Self {
-        Self { mesh: self.mesh.triangulated(), surfaces: Arc::clone(&self.surfaces), ..self.clone() }
+        self.on(self.mesh.triangulated())
     }
 
     /// Whether two materials reflect and emit the same everywhere.

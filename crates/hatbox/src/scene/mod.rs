@@ -73,8 +73,8 @@ impl Surface {
 /// the *input*: subdividing cells for accuracy leaves them, and so the cost of a ray, as they were.
 #[derive(Debug, Clone)]
 pub struct Scene {
-    /// The cells that carry unknowns.
-    pub mesh: Mesh,
+    /// The cells that carry unknowns. Scenes with other materials, and solutions, share them.
+    pub mesh: Arc<Mesh>,
     /// What the cells are made of.
     pub materials: Vec<Material>,
     /// The opaque faces of the input.

@@ -1,16 +1,16 @@
 //! What one chunk of cells yields when it is traced, and its bytes for whoever keeps them.
 //!
 //! Rays that were lost bring nothing and are most of them where the sky is wide, so that a bit says of each ray whether it
-//! ended somewhere, and only those that did take 8 bytes: a terrain of 100 000 facets with 128 rays each, which would be
-//! 103 MB, makes an operator of 21 MB (bench `scale`).
+//! ended somewhere, and only those that did take 5 bytes more.
 
 use super::lamps::Entry;
 use super::rays::Hit;
-use crate::element::MAX_DOFS;
 use std::ops::Range;
 
 /// Rays of one word.
 const WORD: usize = u64::BITS as usize;
+/// Bytes of a hit.
+const HIT: usize = size_of::<u32>() + size_of::<u8>();
 
 /// Where the rays of some cells ended, as many rays of each.
 #[derive(Debug, Default, PartialEq)]
@@ -21,14 +21,33 @@ pub(super) struct Hits {
     arrived: Vec<u64>,
     /// Where the hits of each cell begin, but for the first, and where they end.
     ends: Vec<u32>,
-    all: Vec<Hit>,
+    /// Cells and parts of them, as [`Hit::to_parts`] has them.
+    cells: Vec<u32>,
+    spots: Vec<u8>,
 }
 
 /// The rays of one cell.
 #[derive(Clone, Copy)]
 pub(super) struct Ended<'a> {
     arrived: &'a [u64],
-    hits: &'a [Hit],
+    hits: Run<'a>,
+}
+
+/// Hits that follow each other.
+#[derive(Clone, Copy)]
+pub(super) struct Run<'a> {
+    cells: &'a [u32],
+    spots: &'a [u8],
+}
+
+impl<'a> Run<'a> {
+    pub(super) fn iter(self) -> impl Iterator<Item = Hit> + use<'a> {
+        self.cells.iter().zip(self.spots).map(|(&cell, &spot)| Hit::from_parts(cell, spot))
+    }
+
+    fn part(self, range: Range<usize>) -> Self {
+        Self { cells: &self.cells[range.clone()], spots: &self.spots[range] }
+    }
 }
 
 impl Hits {
@@ -40,7 +59,7 @@ impl Hits {
     /// Bytes that a cell takes at the most.
     pub(super) fn most_bytes(rays: u32) -> usize {
         let words = (rays as usize).div_ceil(WORD);
-        words * size_of::<u64>() + size_of::<u32>() + rays as usize * size_of::<Hit>()
+        words * size_of::<u64>() + size_of::<u32>() + rays as usize * HIT
     }
 
     /// Adds a cell.
@@ -48,22 +67,26 @@ impl Hits {
         for some in hits.chunks(WORD) {
             let bits = some.iter().enumerate().map(|(bit, hit)| u64::from(!hit.is_lost()) << bit);
             self.arrived.push(bits.fold(0, |word, bit| word | bit));
-            self.all.extend(some.iter().filter(|hit| !hit.is_lost()));
+            let arrived = || some.iter().filter(|hit| !hit.is_lost()).map(|hit| hit.to_parts());
+            self.cells.extend(arrived().map(|(cell, _)| cell));
+            self.spots.extend(arrived().map(|(_, spot)| spot));
         }
         self.arrived.resize(self.words * (self.ends.len() + 1), 0);
-        self.ends.push(self.all.len() as u32);
+        self.ends.push(self.cells.len() as u32);
     }
 
     pub(super) fn clear(&mut self) {
         self.arrived.clear();
         self.ends.clear();
-        self.all.clear();
+        self.cells.clear();
+        self.spots.clear();
     }
 
     pub(super) fn shrink(&mut self) {
         self.arrived.shrink_to_fit();
         self.ends.shrink_to_fit();
-        self.all.shrink_to_fit();
+        self.cells.shrink_to_fit();
+        self.spots.shrink_to_fit();
     }
 
     /// Whether there is a hit for each bit, cell by cell.
@@ -72,7 +95,8 @@ impl Hits {
             |cell: usize| self.arrived[cell * self.words..(cell + 1) * self.words].iter().map(|w| w.count_ones());
         let ends = self.ends.iter().scan(0, |end, &next| Some(next.checked_sub(std::mem::replace(end, next))));
         self.arrived.len() == self.words * self.ends.len()
-            && self.ends.last().copied().unwrap_or(0) as usize == self.all.len()
+            && self.ends.last().copied().unwrap_or(0) as usize == self.cells.len()
+            && self.cells.len() == self.spots.len()
             && ends.enumerate().all(|(cell, count)| count == Some(counts(cell).sum()))
     }
 
@@ -81,19 +105,19 @@ impl Hits {
         let start = index.checked_sub(1).map_or(0, |before| self.ends[before]);
         Ended {
             arrived: &self.arrived[index * self.words..(index + 1) * self.words],
-            hits: &self.all[start as usize..self.ends[index] as usize],
+            hits: Run { cells: &self.cells, spots: &self.spots }.part(start as usize..self.ends[index] as usize),
         }
     }
 
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(&*self.arrived) + size_of_val(&*self.ends) + size_of_val(&*self.all)
+        size_of_val(&*self.arrived) + size_of_val(&*self.ends) + HIT * self.cells.len()
     }
 }
 
 impl<'a> Ended<'a> {
     /// The hits of some rays, 64 rays and fewer at a time: which rays they are (the first one's number, and a bit for each
     /// that has a hit), and their hits.
-    pub(super) fn words(self, taken: Range<usize>) -> impl Iterator<Item = (usize, u64, &'a [Hit])> {
+    pub(super) fn words(self, taken: Range<usize>) -> impl Iterator<Item = (usize, u64, Run<'a>)> {
         let mut rest = self.hits;
         self.arrived[..taken.end.div_ceil(WORD)].iter().enumerate().filter_map(move |(word, &bits)| {
             let first = word * WORD;
@@ -101,8 +125,8 @@ impl<'a> Ended<'a> {
             let below = |end: usize| if end == WORD { bits } else { bits & ((1 << end) - 1) };
             let skipped = below(from).count_ones() as usize;
             let chosen = below(to) & !below(from);
-            let hits = &rest[skipped..skipped + chosen.count_ones() as usize];
-            rest = &rest[bits.count_ones() as usize..];
+            let hits = rest.part(skipped..skipped + chosen.count_ones() as usize);
+            rest = rest.part(bits.count_ones() as usize..rest.cells.len());
             (chosen != 0).then_some((first, chosen, hits))
         })
     }
@@ -117,12 +141,80 @@ pub(super) fn set_bits(mut bits: u64) -> impl Iterator<Item = usize> {
     })
 }
 
+/// What some cells get from lamps of exitance 1: coefficients of their irradiance.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Received {
+    /// Most coefficients of a cell.
+    width: usize,
+    /// Where the entries of each cell end.
+    ends: Vec<u32>,
+    /// The lamp of each entry, and its coefficients.
+    lamps: Vec<u32>,
+    values: Vec<f32>,
+}
+
+impl Received {
+    /// By no cell yet.
+    pub(super) fn new(width: usize) -> Self {
+        Self { width, ..Self::default() }
+    }
+
+    /// Adds a cell.
+    pub(super) fn push(&mut self, entries: &[Entry]) {
+        for entry in entries {
+            self.lamps.push(entry.lamp);
+            self.values.extend(&entry.values[..self.width]);
+        }
+        self.ends.push(self.lamps.len() as u32);
+    }
+
+    /// What one cell gets.
+    pub(super) fn of(&self, index: usize) -> Lit<'_> {
+        let start = index.checked_sub(1).map_or(0, |before| self.ends[before] as usize);
+        let range = start..self.ends[index] as usize;
+        let values = &self.values[range.start * self.width..range.end * self.width];
+        Lit { width: self.width, lamps: &self.lamps[range], values }
+    }
+
+    pub(super) fn shrink(&mut self) {
+        self.lamps.shrink_to_fit();
+        self.values.shrink_to_fit();
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(&*self.ends) + size_of_val(&*self.lamps) + size_of_val(&*self.values)
+    }
+
+    fn is_consistent(&self) -> bool {
+        self.ends.is_sorted()
+            && self.ends.last().copied().unwrap_or(0) as usize == self.lamps.len()
+            && self.values.len() == self.width * self.lamps.len()
+    }
+}
+
+/// What one cell gets from lamps.
+#[derive(Clone, Copy)]
+pub(super) struct Lit<'a> {
+    width: usize,
+    lamps: &'a [u32],
+    values: &'a [f32],
+}
+
+impl<'a> Lit<'a> {
+    /// By no lamp.
+    pub(super) const NOT: Self = Self { width: 1, lamps: &[], values: &[] };
+
+    /// Lamps and coefficients.
+    pub(super) fn iter(self) -> impl Iterator<Item = (usize, &'a [f32])> {
+        self.lamps.iter().map(|&lamp| lamp as usize).zip(self.values.chunks_exact(self.width))
+    }
+}
+
 /// The rays of one chunk.
 #[derive(Debug, PartialEq)]
 pub(super) struct Traced {
     pub(super) hits: Hits,
-    /// Where the entries of each cell begin, and the entries.
-    pub(super) direct: (Vec<u32>, Vec<Entry>),
+    pub(super) received: Received,
     pub(super) rays: u64,
     pub(super) area: f64,
     pub(super) lost: f64,
@@ -130,52 +222,46 @@ pub(super) struct Traced {
 
 impl Traced {
     pub(super) fn to_bytes(&self) -> Vec<u8> {
-        let ((first, entries), Hits { words, arrived, ends, all }) = (&self.direct, &self.hits);
-        let lengths = [*words, arrived.len(), ends.len(), all.len(), first.len(), entries.len()];
+        let (Hits { words, arrived, ends, cells, spots }, received) = (&self.hits, &self.received);
+        let lengths = [*words, arrived.len(), ends.len(), cells.len()];
+        let of_lamps = [received.width, received.ends.len(), received.lamps.len()];
         let numbers = [self.rays, self.area.to_bits(), self.lost.to_bits()];
-        let mut bytes = Vec::with_capacity(72 + self.hits.bytes() + 4 * first.len() + size_of_val(&**entries));
-        for number in lengths.into_iter().map(|length| length as u64).chain(numbers).chain(arrived.iter().copied()) {
+        let mut bytes = Vec::with_capacity(80 + self.hits.bytes() + received.bytes());
+        for number in lengths.into_iter().chain(of_lamps).map(|length| length as u64).chain(numbers) {
             bytes.extend(number.to_le_bytes());
         }
-        for number in ends.iter().chain(first) {
+        arrived.iter().for_each(|word| bytes.extend(word.to_le_bytes()));
+        for number in ends.iter().chain(cells).chain(&received.ends).chain(&received.lamps) {
             bytes.extend(number.to_le_bytes());
         }
-        for hit in all {
-            bytes.extend(hit.to_bytes());
-        }
-        for entry in entries {
-            bytes.extend(entry.lamp.to_le_bytes());
-            for value in &entry.values {
-                bytes.extend(value.to_le_bytes());
-            }
-        }
+        received.values.iter().for_each(|value| bytes.extend(value.to_le_bytes()));
+        bytes.extend(spots);
         bytes
     }
 
     /// What [`to_bytes`](Self::to_bytes) has made; `None` of anything else.
     pub(super) fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let mut reader = Reader(bytes);
-        let mut lengths = [0; 6];
+        let mut lengths = [0; 7];
         for length in &mut lengths {
-            *length = usize::try_from(reader.u64()?).ok()?;
+            *length = usize::try_from(reader.take().map(u64::from_le_bytes)?).ok()?;
         }
-        let [words, arrived, ends, hits, first, entries] = lengths;
-        let [rays, area, lost] = [reader.u64()?, reader.u64()?, reader.u64()?];
-        let arrived = (0..arrived).map(|_| reader.u64()).collect::<Option<_>>()?;
-        let ends = (0..ends).map(|_| reader.take().map(u32::from_le_bytes)).collect::<Option<_>>()?;
-        let first = (0..first).map(|_| reader.take().map(u32::from_le_bytes)).collect::<Option<_>>()?;
-        let all = (0..hits).map(|_| reader.take().map(Hit::from_bytes)).collect::<Option<_>>()?;
-        let entry = |_| {
-            let lamp = u32::from_le_bytes(reader.take()?);
-            let mut values = [0.0; MAX_DOFS];
-            for value in &mut values {
-                *value = f32::from_le_bytes(reader.take()?);
-            }
-            Some(Entry { lamp, values })
-        };
-        let direct = (first, (0..entries).map(entry).collect::<Option<_>>()?);
-        let (hits, area, lost) = (Hits { words, arrived, ends, all }, f64::from_bits(area), f64::from_bits(lost));
-        (reader.0.is_empty() && hits.is_consistent()).then_some(Self { hits, direct, rays, area, lost })
+        let [words, arrived, ends, hits, width, lit, entries] = lengths;
+        let [rays, area, lost] = [(); 3].map(|()| reader.take().map(u64::from_le_bytes));
+        let arrived = reader.list(arrived, u64::from_le_bytes)?;
+        let (ends, cells) = (reader.list(ends, u32::from_le_bytes)?, reader.list(hits, u32::from_le_bytes)?);
+        let (lit, lamps) = (reader.list(lit, u32::from_le_bytes)?, reader.list(entries, u32::from_le_bytes)?);
+        let values = reader.list(entries.checked_mul(width)?, f32::from_le_bytes)?;
+        let hits = Hits { words, arrived, ends, cells, spots: reader.list(hits, u8::from_le_bytes)? };
+        let received = Received { width, ends: lit, lamps, values };
+        let (area, lost) = (f64::from_bits(area?), f64::from_bits(lost?));
+        (reader.0.is_empty() && hits.is_consistent() && received.is_consistent()).then_some(Self {
+            hits,
+            received,
+            rays: rays?,
+            area,
+            lost,
+        })
     }
 }
 
@@ -189,14 +275,15 @@ impl Reader<'_> {
         Some(*first)
     }
 
-    fn u64(&mut self) -> Option<u64> {
-        self.take().map(u64::from_le_bytes)
+    fn list<T, const N: usize>(&mut self, length: usize, of: fn([u8; N]) -> T) -> Option<Vec<T>> {
+        (0..length).map(|_| self.take().map(of)).collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::element::MAX_DOFS;
 
     /// Cells of 130 rays each, of which every third and every hundredth is lost, and all of one cell.
     fn some(cell: u32) -> Vec<Hit> {
@@ -206,7 +293,7 @@ mod tests {
     }
 
     fn hit(cell: u32, ray: u32) -> Hit {
-        Hit::from_bytes((u64::from(ray) << 32 | u64::from(cell)).to_le_bytes())
+        Hit::from_parts(1000 * cell + ray, ray as u8)
     }
 
     fn hits() -> Hits {
@@ -223,29 +310,37 @@ mod tests {
             let all = some(cell);
             let expected = taken.clone().map(|ray| (ray, all[ray])).filter(|(_, hit)| !hit.is_lost());
             let found = hits.of(cell as usize).words(taken).flat_map(|(first, bits, hits)| {
-                set_bits(bits).map(move |bit| first + bit).zip(hits.iter().copied()).collect::<Vec<_>>()
+                set_bits(bits).map(move |bit| first + bit).zip(hits.iter()).collect::<Vec<_>>()
             });
             assert_eq!(found.collect::<Vec<_>>(), expected.collect::<Vec<_>>(), "cell {cell}");
         }
     }
 
     #[test]
+    fn what_a_cell_receives_is_kept() {
+        let entry = |lamp: u32| Entry { lamp, values: std::array::from_fn(|k| (k as u32 + lamp) as f32) };
+        let mut received = Received::new(3);
+        let cells = [vec![], vec![entry(4), entry(1)], vec![], vec![entry(2)]];
+        cells.iter().for_each(|entries| received.push(entries));
+        for (cell, entries) in cells.iter().enumerate() {
+            let found: Vec<_> = received.of(cell).iter().collect();
+            let expected: Vec<_> = entries.iter().map(|entry| (entry.lamp as usize, &entry.values[..3])).collect();
+            assert_eq!(found, expected, "cell {cell}");
+        }
+    }
+
+    #[test]
     fn bytes_give_back_what_was_traced() {
-        let traced = Traced {
-            hits: hits(),
-            direct: (vec![0, 1], vec![Entry { lamp: 3, values: [0.5; MAX_DOFS] }]),
-            rays: 77,
-            area: 0.1,
-            lost: 0.3,
-        };
+        let mut received = Received::new(2);
+        received.push(&[Entry { lamp: 3, values: [0.5; MAX_DOFS] }]);
+        let traced = Traced { hits: hits(), received, rays: 77, area: 0.1, lost: 0.3 };
         let bytes = traced.to_bytes();
         assert_eq!(Traced::from_bytes(&bytes), Some(traced));
         assert_eq!(Traced::from_bytes(&bytes[1..]), None);
         assert_eq!(Traced::from_bytes(&[]), None);
         let mut broken = hits();
         broken.arrived[0] ^= 1 << 5;
-        let direct = (Vec::new(), Vec::new());
-        let broken = Traced { hits: broken, direct, rays: 0, area: 0.0, lost: 0.0 };
+        let broken = Traced { hits: broken, received: Received::default(), rays: 0, area: 0.0, lost: 0.0 };
         assert_eq!(Traced::from_bytes(&broken.to_bytes()), None, "a hit for each bit");
     }
 
@@ -259,7 +354,7 @@ mod tests {
             hits.clear();
             hits.push(&[hit(1, 0), Hit::LOST, hit(1, 2)]);
             let [(0, 0b101, found)] = hits.of(0).words(0..3).collect::<Vec<_>>()[..] else { panic!("one word") };
-            assert_eq!(found, [hit(1, 0), hit(1, 2)]);
+            assert_eq!(found.iter().collect::<Vec<_>>(), [hit(1, 0), hit(1, 2)]);
         }
     }
 }

@@ -112,13 +112,13 @@ impl Lamps {
         self.of_cell.get(&(cell as u32)).map(|&lamp| lamp as usize)
     }
 
-    /// The means over each lamp of a function, for every band.
-    pub(super) fn means(&self, cells: &Cells, x: &crate::linalg::MultiVector) -> Vec<f64> {
-        let mut means = Vec::with_capacity(self.all.len() * x.bands());
+    /// The means over each lamp of a function, for every band, if `value` has its coefficients by number and band.
+    pub(super) fn means(&self, cells: &Cells, bands: usize, value: impl Fn(usize, usize) -> f64) -> Vec<f64> {
+        let mut means = Vec::with_capacity(self.all.len() * bands);
         for lamp in &self.all {
-            for band in x.iter_bands() {
+            for band in 0..bands {
                 let share = |(cell, weights): &(u32, [f64; MAX_DOFS])| -> f64 {
-                    band[cells.range(*cell as usize)].iter().zip(weights).map(|(x, w)| x * w).sum()
+                    cells.range(*cell as usize).zip(weights).map(|(dof, w)| w * value(dof, band)).sum()
                 };
                 means.push(lamp.cells.iter().map(share).sum());
             }

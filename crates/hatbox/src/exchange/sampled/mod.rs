@@ -1,7 +1,7 @@
 //! Cosine rays from every cell, and lamps for themselves: time and memory grow like the number of cells.
 //!
 //! K rays leave each cell, from the points of a net and in cosine-distributed directions, and each remembers where it
-//! ended in 8 bytes. (S b)_k = ∫N_k E is then Δ e, where the coefficients e are fitted to the values B(y_r) that the rays
+//! ended in 5 bytes. (S b)_k = ∫N_k E is then Δ e, where the coefficients e are fitted to the values B(y_r) that the rays
 //! bring back, by least squares with the sampled Gram matrix (`fit`). Nothing is singular, nothing is special near
 //! edges, and a cell in a closed scene gets exactly what all others send: S 1 = Δ 1 to rounding, without any scaling.
 //! Cells that are neighbours have neighbouring blocks of one net, so that what they have in common, the functions that join
@@ -32,20 +32,22 @@ mod lamp_tree;
 mod lamps;
 mod product;
 mod rays;
+mod spots;
 
 use super::hierarchical::{Linked, Links};
 use super::{Exchange, ExchangeError, Geometry, Hierarchical, Params, Statistics};
 use crate::element::Element;
-use crate::linalg::{LinearOperator, MultiVector};
+use crate::linalg::{Csr, LinearOperator, MultiVector};
 use crate::progress::{Interrupted, Progress};
 use crate::quadrature::sequence::{hash, point, unit};
 pub(super) use cells::Cells;
 use cells::Locator;
 use fit::{Matrix, Take, add_outer, factor, mean_mass, solve, variance};
-use kept::{Hits, Traced};
-use lamps::{Entry, Lamps, Receivers};
+use kept::{Hits, Received, Traced};
+use lamps::{Lamps, Receivers};
 use rayon::prelude::*;
 use rays::{Frame, Hit, Points, Tracer};
+use spots::Spots;
 use std::sync::Arc;
 
 /// Cells per piece of work.
@@ -76,8 +78,8 @@ pub struct Sampled {
     rays: u32,
     /// The hits of the first cells, a chunk each.
     stored: Vec<Hits>,
-    /// Where the entries of each cell begin, for each chunk, and the entries.
-    direct: Vec<(Vec<u32>, Vec<Entry>)>,
+    /// What cells get from lamps, for each chunk.
+    direct: Vec<Received>,
     escape: f64,
     statistics: Statistics,
 }
@@ -87,6 +89,7 @@ pub struct Sampled {
 struct Table {
     element: &'static Element,
     points: Points,
+    spots: Spots,
     receivers: Receivers,
     /// ∫N_i N_j divided by the area.
     mass: Matrix,
@@ -111,7 +114,8 @@ impl Table {
             gram
         });
         let factor = gram.map(|gram| factor(gram, n));
-        Self { element, points, receivers: Receivers::new(element), mass, ridge, gram, factor }
+        let (spots, receivers) = (Spots::new(element), Receivers::new(element));
+        Self { element, points, spots, receivers, mass, ridge, gram, factor }
     }
 }
 
@@ -198,11 +202,10 @@ impl Sampled {
             if self.stored.len() < keep {
                 self.stored.push(traced.hits);
             }
-            self.direct.push(traced.direct);
+            self.direct.push(traced.received);
         }
         let stored: usize = self.stored.iter().map(Hits::bytes).sum();
-        let direct: usize =
-            self.direct.iter().map(|(first, list)| 4 * first.len() + list.len() * size_of::<Entry>()).sum();
+        let direct: usize = self.direct.iter().map(Received::bytes).sum();
         let links = self.links.as_ref().map_or(0, |links| links.bytes() + size_of_val(&*self.linked));
         self.statistics.bytes = stored + direct + links + self.cells.bytes() + self.tracer.bytes();
         self.statistics.pairs = self.links.as_ref().map_or(0, Links::len) as u64;
@@ -262,7 +265,7 @@ impl Sampled {
     fn trace(&self, chunk: usize, keep: bool) -> Traced {
         let k = self.rays as usize;
         let (mut kept, mut hits) = (Hits::new(self.rays), vec![Hit::LOST; k]);
-        let mut direct = (Vec::with_capacity(CHUNK + 1), Vec::new());
+        let mut received = Received::new(self.tables.iter().map(|table| table.element.dofs()).max().unwrap_or(0));
         let (mut rays, mut area, mut lost) = (0, 0.0, 0.0);
         let budget = (self.rays / LAMP_SHARE).max(LEAST_LAMP_RAYS);
         for cell in self.chunk(chunk) {
@@ -274,15 +277,13 @@ impl Sampled {
             if keep {
                 kept.push(&hits);
             }
-            direct.0.push(direct.1.len() as u32);
             let (found, cast) = self.lamps.at_cell(&self.cells, cell, &table.receivers, budget, &self.tracer);
-            direct.1.extend(found);
+            received.push(&found);
             rays += u64::from(self.rays) + cast;
         }
-        direct.0.push(direct.1.len() as u32);
-        direct.1.shrink_to_fit();
+        received.shrink();
         kept.shrink();
-        Traced { hits: kept, direct, rays, area, lost }
+        Traced { hits: kept, received, rays, area, lost }
     }
 
     /// The value of one band where a ray ended.
@@ -290,7 +291,7 @@ impl Sampled {
         if hit.is_lost() {
             return 0.0;
         }
-        let functions = self.cells.element(hit.cell()).values(hit.at());
+        let functions = self.table(hit.cell()).spots.functions(hit.spot());
         column[self.cells.range(hit.cell())].iter().zip(functions).map(|(x, n)| x * n).sum()
     }
 }
@@ -375,10 +376,17 @@ impl Exchange for Sampled {
         Some(first)
     }
 
+    fn apply_joined(&self, c: &Csr, transpose: &Csr, x: &MultiVector, y: &mut MultiVector) {
+        self.apply_joined_by_rays(c, x, y);
+        if let Some(linked) = self.links.is_some().then(|| self.through_links(&c.times(x))).flatten() {
+            y.add_scaled(1.0, &transpose.times(&linked));
+        }
+    }
+
     fn irradiance(&self, cell: usize, at: [f64; 2], x: &MultiVector, seed: u64) -> Option<Vec<f64>> {
         let (patch, surface) = (self.cells.patch(cell), self.cells.surface(cell));
         let (origin, frame) = (patch.point(at), Frame::new(&patch));
-        let means = self.lamps.means(&self.cells, x);
+        let means = self.lamps.means(&self.cells, x.bands(), |dof, band| x.band(band)[dof]);
         let mut sum = vec![0.0; x.bands()];
         // What rays bring that meet no lamp, the number of them, and the rest that the others bring.
         let (mut free, mut count, mut rest) = (sum.clone(), 0_u32, sum.clone());

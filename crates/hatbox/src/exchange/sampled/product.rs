@@ -15,12 +15,12 @@
 
 use super::cells::Cells;
 use super::fit::{Matrix, Take, add_outer, factor, mean_mass, solve};
-use super::kept::{Ended, Hits, set_bits};
-use super::lamps::Entry;
+use super::kept::{Ended, Hits, Lit, Run, set_bits};
 use super::rays::Hit;
+use super::spots::Spots;
 use super::{CHUNK, Sampled, Table};
 use crate::element::{MAX_DOFS, Shape};
-use crate::linalg::{LinearOperator, MultiVector};
+use crate::linalg::{Csr, LinearOperator, MultiVector};
 use crate::mesh::Patch;
 use crate::visibility::Pages;
 use rayon::prelude::*;
@@ -28,8 +28,11 @@ use std::ops::Range;
 
 /// Rows whose bands are set side by side at a time: few enough for the nearest cache.
 const TURNED: usize = 128;
+/// Chunks whose results wait to be put where they belong, which one thread does: many, so that all others are at work.
+const AT_ONCE: usize = 256;
 
-/// What is applied to: coefficients with the bands of each side by side.
+/// What is applied to: coefficients with the bands of each side by side. (Single precision was tried and dropped: it took as
+/// long, and solvers asked for more than seven digits did not reach them.)
 struct Source {
     bands: usize,
     values: Pages<f64>,
@@ -94,59 +97,99 @@ type Row = fn(&Sampled, usize, usize, &Source, Take, &mut Work);
 impl Sampled {
     /// y = S x, by the rays that `take` takes.
     pub(super) fn apply_with(&self, x: &MultiVector, y: &mut MultiVector, take: Take) {
-        let source = Source::new(x, self.lamps.means(&self.cells, x));
-        let row = self.row_for(x.bands());
-        self.by_rows(x.bands(), y, |cell, index, work| row(self, cell, index, &source, take, work));
+        let source = self.source(x.bands(), |dof, band| x.band(band)[dof]);
+        self.rows_of(&source, take, |rows, band, result| y.band_mut(band)[rows].copy_from_slice(result));
         if let Some(linked) = self.through_links(x) {
             y.add_scaled(1.0, &linked);
         }
     }
 
+    /// y = Cᵀ S C x but for links, with none of the vectors of broken coefficients that are written and read once otherwise.
+    pub(super) fn apply_joined_by_rays(&self, c: &Csr, x: &MultiVector, y: &mut MultiVector) {
+        let source = self.source(x.bands(), |dof, band| {
+            let column = x.band(band);
+            c.row(dof).map(|(unknown, share)| share * column[unknown]).sum()
+        });
+        y.as_mut_slice().fill(0.0);
+        self.rows_of(&source, Take::All, |rows, band, result| {
+            let column = y.band_mut(band);
+            for (dof, value) in rows.zip(result) {
+                c.row(dof).for_each(|(unknown, share)| column[unknown] += share * value);
+            }
+        });
+    }
+
     /// The part of S x that comes from the means of lamps and through links.
     pub(super) fn without_rays(&self, x: &MultiVector) -> MultiVector {
-        let means = self.lamps.means(&self.cells, x);
+        let means = self.lamps.means(&self.cells, x.bands(), |dof, band| x.band(band)[dof]);
         let mut y = MultiVector::zeros(self.rows(), x.bands());
-        self.by_rows(x.bands(), &mut y, |cell, index, work| {
+        let row = |cell: usize, index: usize, work: &mut Work| {
             work.fit.fill(0.0);
             self.combine::<0, 0>(cell, self.lamps_of(cell, index), &means, false, work);
             self.integrate::<0, 0>(cell, x.bands(), work);
-        });
+        };
+        self.by_rows(x.bands(), row, |rows, band, result| y.band_mut(band)[rows].copy_from_slice(result));
         if let Some(linked) = self.through_links(x) {
             y.add_scaled(1.0, &linked);
         }
         y
     }
 
-    /// Calls `row` for every cell with its place in its chunk, and collects the results.
-    fn by_rows(&self, bands: usize, y: &mut MultiVector, row: impl Fn(usize, usize, &mut Work) + Sync) {
-        // The bands of a chunk one after the other, as they are wanted.
-        let results: Vec<Vec<f64>> = (0..self.direct.len())
-            .into_par_iter()
-            .map(|chunk| {
-                let cells = self.chunk(chunk);
-                let first = self.cells.range(cells.start).start;
-                let rows = self.cells.range(cells.end - 1).end - first;
-                let mut out = vec![0.0; rows * bands];
-                let mut work = Work::new(self.rays, bands);
-                for (index, cell) in cells.enumerate() {
-                    row(cell, index, &mut work);
-                    for (row, result) in self.cells.range(cell).zip(work.result.chunks_exact(bands)) {
-                        let places = out[row - first..].iter_mut().step_by(rows);
-                        places.zip(result).for_each(|(place, &value)| *place = value);
-                    }
-                }
-                out
-            })
-            .collect();
-        let rows = self.cells.unknowns();
-        y.as_mut_slice().par_chunks_mut(rows.max(1)).enumerate().for_each(|(band, mut column)| {
-            for result in &results {
-                let rows = result.len() / bands;
-                let (part, rest) = column.split_at_mut(rows);
-                part.copy_from_slice(&result[band * rows..(band + 1) * rows]);
-                column = rest;
+    /// What is applied to, if `value` has its coefficients by number and band.
+    fn source(&self, bands: usize, value: impl Fn(usize, usize) -> f64 + Sync) -> Source {
+        let mut values: Pages<f64> = Pages::zeroed(self.cells.unknowns() * bands);
+        values.par_chunks_mut(bands.max(1) * TURNED).enumerate().for_each(|(part, values)| {
+            for band in 0..bands {
+                let places = values[band..].iter_mut().step_by(bands).enumerate();
+                places.for_each(|(k, place)| *place = value(part * TURNED + k, band));
             }
         });
+        let means = self.lamps.means(&self.cells, bands, |dof, band| values[dof * bands + band]);
+        Source { bands, values, means }
+    }
+
+    /// Gives the rows of S as the rays have them, applied to `source`.
+    fn rows_of(&self, source: &Source, take: Take, give: impl FnMut(Range<usize>, usize, &[f64])) {
+        let row = self.row_for(source.bands);
+        self.by_rows(source.bands, |cell, index, work| row(self, cell, index, source, take, work), give);
+    }
+
+    /// Calls `row` for every cell with its place in its chunk, and gives the results in order: rows, band, and what they are.
+    fn by_rows(
+        &self,
+        bands: usize,
+        row: impl Fn(usize, usize, &mut Work) + Sync,
+        mut give: impl FnMut(Range<usize>, usize, &[f64]),
+    ) {
+        let rows_of = |chunk: usize| {
+            let cells = self.chunk(chunk);
+            self.cells.range(cells.start).start..self.cells.range(cells.end - 1).end
+        };
+        let of_chunk = |chunk: usize| {
+            let rows = rows_of(chunk);
+            // The bands one after the other, as they are wanted.
+            let mut out = vec![0.0; rows.len() * bands];
+            let mut work = Work::new(self.rays, bands);
+            for (index, cell) in self.chunk(chunk).enumerate() {
+                row(cell, index, &mut work);
+                for (of_row, result) in self.cells.range(cell).zip(work.result.chunks_exact(bands)) {
+                    let places = out[of_row - rows.start..].iter_mut().step_by(rows.len());
+                    places.zip(result).for_each(|(place, &value)| *place = value);
+                }
+            }
+            out
+        };
+        let chunks = 0..self.direct.len();
+        for first in chunks.clone().step_by(AT_ONCE) {
+            let some = first..(first + AT_ONCE).min(chunks.end);
+            let results: Vec<Vec<f64>> = some.clone().into_par_iter().map(of_chunk).collect();
+            for (chunk, result) in some.zip(&results) {
+                let rows = rows_of(chunk);
+                for (band, result) in result.chunks_exact(rows.len().max(1)).enumerate() {
+                    give(rows.clone(), band, result);
+                }
+            }
+        }
     }
 
     /// [`row`](Self::row) with loops of known length, where there are.
@@ -188,7 +231,7 @@ impl Sampled {
         let found = self.read::<N, B>(&rays, source, work);
         table.fit::<N, B>(&rays, take, &found, source.bands, work);
         work.cast_hits = cast;
-        let lamps = if among_lamps { &[] } else { self.lamps_of(cell, index) };
+        let lamps = if among_lamps { Lit::NOT } else { self.lamps_of(cell, index) };
         self.combine::<N, B>(cell, lamps, &source.means, found.lamp, work);
         self.integrate::<N, B>(cell, source.bands, work);
     }
@@ -210,9 +253,11 @@ impl Sampled {
         work.rest[..n * bands].fill(0.0);
         let value = &mut work.value[..bands];
         let (mut found, share) = (Found::default(), rays.share());
+        // Sums of rays that count, where lengths are known: they stay in registers.
+        let mut known_fit = [[0.0; B]; N];
         for (first, bits, hits) in rays.ended.words(rays.taken.clone()) {
             source.ask_for::<N, B>(&self.cells, hits);
-            for (bit, &hit) in set_bits(bits).zip(hits) {
+            for (bit, hit) in set_bits(bits).zip(hits.iter()) {
                 let ray = first + bit;
                 let (functions, weight) = (&rays.table.points.functions[ray], rays.weight(share, ray));
                 let counts = rays.counts(hit);
@@ -223,12 +268,16 @@ impl Sampled {
                 if !(counts || lamp) {
                     continue;
                 }
-                if N == 1 && !lamp {
-                    let values = &source.values[source.place::<N, B>(&self.cells, hit.cell())];
-                    work.fit[..bands].iter_mut().zip(values).for_each(|(sum, v)| *sum += weight * v);
+                if N > 0 && B > 0 && !lamp {
+                    let value = source.known_value::<N, B>(hit, &rays.table.spots);
+                    for (sums, function) in known_fit.iter_mut().zip(functions) {
+                        let weighted = weight * function;
+                        sums.iter_mut().zip(value).for_each(|(sum, v)| *sum += weighted * v);
+                    }
                     continue;
                 }
-                source.evaluate::<N, B>(&self.cells, hit, value);
+                let spots = if N > 0 { &rays.table.spots } else { &self.table(hit.cell()).spots };
+                source.evaluate::<N, B>(&self.cells, hit, spots, value);
                 let sums = if lamp {
                     let of = self.lamps.of(hit.cell()).unwrap_or(0);
                     value.iter_mut().zip(&source.means[of * bands..]).for_each(|(v, mean)| *v -= mean);
@@ -241,6 +290,9 @@ impl Sampled {
                     sums.iter_mut().zip(&*value).for_each(|(sum, v)| *sum += weight * function * v);
                 }
             }
+        }
+        for (sum, known) in work.fit.iter_mut().zip(known_fit.iter().flatten()) {
+            *sum += known;
         }
         found
     }
@@ -256,9 +308,8 @@ impl Sampled {
     }
 
     /// What a cell gets from lamps.
-    fn lamps_of(&self, cell: usize, index: usize) -> &[Entry] {
-        let (first, entries) = &self.direct[cell / CHUNK];
-        &entries[first[index] as usize..first[index + 1] as usize]
+    fn lamps_of(&self, cell: usize, index: usize) -> Lit<'_> {
+        self.direct[cell / CHUNK].of(index)
     }
 
     /// e = Σ f_l mean_l + (1 − Σ f_l − D 1) ē + rest, into `work.fit`, which holds ē.
@@ -266,7 +317,7 @@ impl Sampled {
     fn combine<const N: usize, const B: usize>(
         &self,
         cell: usize,
-        entries: &[Entry],
+        lamps: Lit<'_>,
         means: &[f64],
         rest: bool,
         work: &mut Work,
@@ -275,13 +326,13 @@ impl Sampled {
         let [n, bands] = known::<N, B>(range.len(), work.result.len() / MAX_DOFS);
         for (k, fit) in work.fit.chunks_exact_mut(bands).take(n).enumerate() {
             let linked = self.linked.get(range.start + k).copied().unwrap_or(0.0);
-            let seen: f64 = linked + entries.iter().map(|entry| f64::from(entry.values[k])).sum::<f64>();
+            let seen: f64 = linked + lamps.iter().map(|(_, values)| f64::from(values[k])).sum::<f64>();
             for fit in fit.iter_mut() {
                 *fit *= 1.0 - seen;
             }
-            for entry in entries {
-                let means = &means[entry.lamp as usize * bands..];
-                fit.iter_mut().zip(means).for_each(|(fit, mean)| *fit += f64::from(entry.values[k]) * mean);
+            for (lamp, values) in lamps.iter() {
+                let means = &means[lamp * bands..];
+                fit.iter_mut().zip(means).for_each(|(fit, mean)| *fit += f64::from(values[k]) * mean);
             }
             if rest {
                 fit.iter_mut().zip(&work.rest[k * bands..]).for_each(|(fit, rest)| *fit += rest);
@@ -291,18 +342,6 @@ impl Sampled {
 }
 
 impl Source {
-    fn new(x: &MultiVector, means: Vec<f64>) -> Self {
-        let bands = x.bands();
-        let mut values: Pages<f64> = Pages::zeroed(x.rows() * bands);
-        values.par_chunks_mut(bands.max(1) * TURNED).enumerate().for_each(|(part, values)| {
-            for (band, column) in x.iter_bands().enumerate() {
-                let places = values[band..].iter_mut().step_by(bands);
-                places.zip(&column[part * TURNED..]).for_each(|(place, &value)| *place = value);
-            }
-        });
-        Self { bands, values, means }
-    }
-
     /// Where the coefficients of a cell begin and how many numbers they are.
     #[inline]
     fn place<const N: usize, const B: usize>(&self, cells: &Cells, cell: usize) -> Range<usize> {
@@ -313,36 +352,31 @@ impl Source {
 
     /// Touches the coefficients that rays will read, so that the memory has them on their way.
     #[inline]
-    fn ask_for<const N: usize, const B: usize>(&self, cells: &Cells, hits: &[Hit]) {
+    fn ask_for<const N: usize, const B: usize>(&self, cells: &Cells, hits: Run<'_>) {
         let mut sum = 0.0;
-        for hit in hits {
-            let values = &self.values[self.place::<N, B>(cells, hit.cell())];
-            sum += values[0] + values[values.len() - 1];
+        for hit in hits.iter() {
+            let place = self.place::<N, B>(cells, hit.cell());
+            sum += self.values[place.start] + self.values[place.end - 1];
         }
         std::hint::black_box(sum);
     }
 
     /// The function's value where a ray ended, for every band.
     #[inline]
-    fn evaluate<const N: usize, const B: usize>(&self, cells: &Cells, hit: Hit, out: &mut [f64]) {
-        let bands = if B > 0 { B } else { self.bands };
+    fn evaluate<const N: usize, const B: usize>(&self, cells: &Cells, hit: Hit, spots: &Spots, out: &mut [f64]) {
         let values = &self.values[self.place::<N, B>(cells, hit.cell())];
-        let [x, y] = hit.at();
-        if N == 1 {
-            out.copy_from_slice(values);
-        } else if N == 3 {
-            let (a, rest) = values.split_at(bands);
-            let (b, c) = rest.split_at(bands);
-            for band in 0..bands {
-                out[band] = (1.0 - x - y) * a[band] + x * b[band] + y * c[band];
-            }
-        } else {
-            let functions = cells.element(hit.cell()).values([x, y]);
-            out.fill(0.0);
-            for (values, function) in values.chunks_exact(bands).zip(functions) {
-                out.iter_mut().zip(values).for_each(|(out, value)| *out += function * value);
-            }
+        out.fill(0.0);
+        for (values, function) in values.chunks_exact(out.len()).zip(spots.functions(hit.spot())) {
+            out.iter_mut().zip(values).for_each(|(out, value)| *out += function * value);
         }
+    }
+
+    /// The same, if all cells have N functions and there are B bands.
+    #[inline(always)]
+    fn known_value<const N: usize, const B: usize>(&self, hit: Hit, spots: &Spots) -> [f64; B] {
+        let values = &self.values[hit.cell() * N * B..][..N * B];
+        let functions = &spots.functions(hit.spot())[..N];
+        std::array::from_fn(|band| (0..N).map(|k| functions[k] * values[k * B + band]).sum())
     }
 }
 

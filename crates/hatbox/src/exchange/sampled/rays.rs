@@ -7,6 +7,7 @@
 //! remembered.
 
 use super::cells::{Cells, Locator};
+use super::spots::spot;
 use crate::element::{Element, MAX_DOFS, Shape};
 use crate::exchange::hierarchical::Linked;
 use crate::mesh::Patch;
@@ -16,12 +17,11 @@ use glam::DVec3;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Where a ray ended, in 8 bytes: the cell, its reference coordinates to 1/65536, and whether the cell is a lamp's, or one
-/// whose light comes through a link.
+/// Where a ray ended: the cell, the part of it, and whether the cell is a lamp's, or one whose light comes through a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Hit {
     cell: u32,
-    at: [u16; 2],
+    spot: u8,
 }
 
 const LAMP: u32 = 1 << 31;
@@ -29,21 +29,20 @@ const LINKED: u32 = 1 << 30;
 
 impl Hit {
     /// Out of the scene, or onto an unlit back.
-    pub(super) const LOST: Self = Self { cell: u32::MAX, at: [0; 2] };
+    pub(super) const LOST: Self = Self { cell: u32::MAX, spot: 0 };
 
-    fn new(cell: u32, at: [f64; 2], lamp: bool) -> Self {
-        let at = at.map(|x| (x.clamp(0.0, 1.0) * 65536.0).min(65535.0) as u16);
-        Self { cell: if lamp { cell | LAMP } else { cell }, at }
+    fn new(cell: u32, spot: u8, lamp: bool) -> Self {
+        Self { cell: if lamp { cell | LAMP } else { cell }, spot }
     }
 
-    pub(super) fn to_bytes(self) -> [u8; 8] {
-        let [u, v] = self.at.map(u64::from);
-        (u64::from(self.cell) | u << 32 | v << 48).to_le_bytes()
+    /// The cell with what else is known of it, and the part.
+    pub(super) fn to_parts(self) -> (u32, u8) {
+        (self.cell, self.spot)
     }
 
-    pub(super) fn from_bytes(bytes: [u8; 8]) -> Self {
-        let number = u64::from_le_bytes(bytes);
-        Self { cell: number as u32, at: [(number >> 32) as u16, (number >> 48) as u16] }
+    #[inline]
+    pub(super) fn from_parts(cell: u32, spot: u8) -> Self {
+        Self { cell, spot }
     }
 
     pub(super) fn is_lost(self) -> bool {
@@ -63,8 +62,9 @@ impl Hit {
         (self.cell & !(LAMP | LINKED)) as usize
     }
 
-    pub(super) fn at(self) -> [f64; 2] {
-        self.at.map(|x| (f64::from(x) + 0.5) / 65536.0)
+    /// The part of the cell; see [`Spots`](super::spots::Spots).
+    pub(super) fn spot(self) -> u8 {
+        self.spot
     }
 }
 
@@ -153,7 +153,10 @@ impl Tracer {
         };
         let point = origin + direction * hit.t;
         match self.locator.find(cells, hit.id, hit.front, point) {
-            Some((cell, at)) => Hit::new(cell, at, self.is_lamp(cell as usize)),
+            Some((cell, at)) => {
+                let shape = cells.element(cell as usize).shape;
+                Hit::new(cell, spot(shape, at), self.is_lamp(cell as usize))
+            }
             None => Hit::LOST,
         }
     }
@@ -188,12 +191,12 @@ mod tests {
 
     #[test]
     fn a_hit_keeps_its_place() {
-        for (at, lamp) in [([0.25, 0.5], false), ([0.0, 1.0], true)] {
-            let hit = Hit::new(12_345, at, lamp);
-            assert_eq!((hit.cell(), hit.is_lamp(), hit.is_lost()), (12_345, lamp, false));
-            assert!(hit.at().iter().zip(at).all(|(a, b)| (a - b).abs() <= 1.0 / 65536.0));
+        for (spot, lamp) in [(37, false), (255, true)] {
+            let hit = Hit::new(12_345, spot, lamp);
+            assert_eq!((hit.cell(), hit.is_lamp(), hit.is_lost(), hit.spot()), (12_345, lamp, false, spot));
+            let (cell, spot) = hit.to_parts();
+            assert_eq!(Hit::from_parts(cell, spot), hit);
         }
         assert!(Hit::LOST.is_lost() && !Hit::LOST.is_lamp());
-        assert_eq!(size_of::<Hit>(), 8);
     }
 }

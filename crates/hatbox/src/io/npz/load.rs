@@ -188,7 +188,7 @@ impl Archive {
         let surfaces: Arc<[Surface]> = corners.as_chunks().0.iter().map(|&corners| Surface { corners }).collect();
         let mesh = self.mesh(materials.len(), surfaces.len())?;
         let camera = self.camera()?;
-        Ok(Scene { mesh, materials, surfaces, bands, physics, camera, warnings: Vec::new() })
+        Ok(Scene { mesh: mesh.into(), materials, surfaces, bands, physics, camera, warnings: Vec::new() })
     }
 
     fn camera(&mut self) -> Result<Option<Camera>> {
