@@ -13,6 +13,9 @@ use std::path::Path;
 /// The greatest number of surfaces whose factors are shown.
 const SHOWN_SURFACES: usize = 8;
 
+/// Row sums that are off by no more are so by rounding.
+const EXACT: f64 = 1e-12;
+
 /// Lines, each with a name in a column of its own.
 struct Lines {
     style: Style,
@@ -99,14 +102,14 @@ fn light(lines: &mut Lines, report: &Report) {
         return;
     }
     let share = |part: &[f64]| percent(part.iter().sum::<f64>() / emitted);
+    // Of a closed scene what escapes is what the solver left.
+    let escaped = match report.closure.escape {
+        0.0 => String::new(),
+        _ => format!(", {} escaped", share(&energy.escaped)),
+    };
     lines.line(
         label,
-        &format!(
-            "{} {power} emitted: {} absorbed, {} escaped",
-            per_band(&energy.emitted),
-            share(&energy.absorbed),
-            share(&energy.escaped)
-        ),
+        &format!("{} {power} emitted: {} absorbed{escaped}", per_band(&energy.emitted), share(&energy.absorbed)),
     );
     lines.more(&format!("{} {density} mean irradiance", per_band(&energy.mean_irradiance)));
 }
@@ -115,7 +118,7 @@ fn operator(lines: &mut Lines, report: &Report) {
     let operator = &report.operator;
     let pairs = if operator.pairs > 0 {
         let clear = operator.clear_pairs as f64 / operator.pairs as f64;
-        format!("{} pairs ({} proven clear), ", count(operator.pairs), percent(clear))
+        format!("{} ({} proven clear), ", several(operator.pairs, "pair"), percent(clear))
     } else {
         String::new()
     };
@@ -135,8 +138,13 @@ fn operator(lines: &mut Lines, report: &Report) {
     }
     let closure = &report.closure;
     if closure.escape == 0.0 {
-        let balanced = if closure.balanced && closure.deficit > 1e-9 { ", balanced away" } else { "" };
-        lines.more(&format!("closed scene; row sums were off by up to {}{balanced}", percent(closure.deficit)));
+        let off = format!("off by up to {}", percent(closure.deficit));
+        let sums = match (closure.deficit > EXACT, closure.balanced) {
+            (false, _) => "exact".to_owned(),
+            (true, true) => format!("{off}, balanced away"),
+            (true, false) => off,
+        };
+        lines.more(&format!("closed scene; row sums were {sums}"));
     }
 }
 
@@ -160,9 +168,8 @@ fn error(lines: &mut Lines, report: &Report) {
     ));
     let Some(adaptivity) = &report.adaptivity else { return };
     let asked = percent(adaptivity.tolerance);
-    let rounds = adaptivity.rounds.len();
     if adaptivity.reached {
-        lines.more(&format!("asked: {asked}, reached in {rounds} rounds"));
+        lines.more(&format!("asked: {asked}, reached in {}", several(adaptivity.rounds.len() as u64, "round")));
     } else {
         let most = adaptivity.most_coefficients;
         lines.more(&format!(
@@ -230,7 +237,11 @@ fn row_sums(lines: &mut Lines, done: &Factors) {
                 percent(threshold.largest_row_loss)
             ),
         );
-        lines.more(&format!("made up for by {}", closed(&threshold.rebalancing)));
+        if threshold.kept == 0 {
+            lines.more("nothing is left: no factor reaches the threshold");
+        } else {
+            lines.more(&format!("made up for by {}", closed(&threshold.rebalancing)));
+        }
     }
 }
 
@@ -238,7 +249,7 @@ fn row_sums(lines: &mut Lines, done: &Factors) {
 fn closed(closure: &Closure) -> String {
     let capped = match closure.capped_pairs {
         0 => String::new(),
-        pairs => format!("; {} pairs kept at their unobstructed value", count(pairs as u64)),
+        pairs => format!("; {} kept at their unobstructed value", several(pairs as u64, "pair")),
     };
     format!(
         "{}: row sums were off by up to {}, now {}; no factor changed by more than {}{capped}",
@@ -357,6 +368,11 @@ fn percent(fraction: f64) -> String {
     if percent.abs() < 0.01 && percent != 0.0 { format!("{percent:.0e} %") } else { digits(percent) + " %" }
 }
 
+/// So many of something.
+fn several(n: u64, what: &str) -> String {
+    format!("{} {what}{}", count(n), if n == 1 { "" } else { "s" })
+}
+
 /// A count, short where it is large.
 fn count(n: u64) -> String {
     match n {
@@ -396,6 +412,7 @@ mod tests {
         assert_eq!(digits(999.7), "1000");
         assert_eq!([0.5, 0.000_01].map(percent), ["50 %", "1e-3 %"]);
         assert_eq!([12, 1_234_567, 45_000_000].map(count), ["12", "1.23 M", "45 M"]);
+        assert_eq!([1, 2].map(|n| several(n, "pair")), ["1 pair", "2 pairs"]);
         assert_eq!([999, 12_345, 1_500_000].map(bytes), ["999 B", "12 kB", "1.5 MB"]);
         assert_eq!(
             [0.012, 3.0, 61.0, 130.0, 7260.0].map(seconds),

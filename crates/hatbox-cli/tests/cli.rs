@@ -212,6 +212,20 @@ fn check_finds_dark_rooms() {
 }
 
 #[test]
+fn check_and_solve_agree_that_a_room_of_mirrors_has_no_solution() {
+    let folder = Folder::new();
+    std::fs::copy(sample(CUBE), folder.path("cube.obj")).expect("copied");
+    let scene = "[[mesh]]\nfile = 'cube.obj'\n[material.'*']\nreflectance = 1\nexitance = 1\n";
+    let scene = folder.file("mirrors.toml", scene);
+    let [checked, solved] =
+        ["check", "solve"].map(|command| hatbox().arg(command).arg(&scene).output().expect("the binary runs"));
+    for (output, said) in [(&checked, text(&checked.stdout)), (&solved, text(&solved.stderr))] {
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.contains("nothing in it absorbs light"), "{said}");
+    }
+}
+
+#[test]
 fn check_says_when_a_room_is_inside_out() {
     let folder = Folder::new();
     let room = std::fs::read_to_string(sample(CUBE)).expect("the sample");

@@ -11,6 +11,7 @@ use crate::exchange::{Geometry, escape};
 use crate::mesh::{Finding, Mesh, Severity, diagnose_room};
 use crate::progress::Silent;
 use crate::quadrature::sequence::{hash, point};
+use crate::radiosity;
 use crate::scene::{Material, Physics, Scene, SceneError, Warning};
 use crate::space::FunctionSpace;
 use crate::visibility::{Bvh, Hit};
@@ -36,6 +37,8 @@ pub struct Check {
     pub repairs: Vec<Warning>,
     /// Where light goes; `None` if nothing can be computed.
     pub lighting: Option<Lighting>,
+    /// Why the light has no bound, if it has none.
+    pub unbounded: Option<radiosity::Error>,
     /// The scene, if it can be computed.
     pub scene: Option<Scene>,
 }
@@ -76,15 +79,22 @@ impl Check {
         match Scene::new(mesh, materials, physics, None) {
             Ok(scene) => {
                 let (repairs, lighting) = (scene.warnings.clone(), Lighting::of(&scene));
-                Self { findings, error: None, repairs, lighting, scene: Some(scene) }
+                let escape = lighting.as_ref().ok_or(()).map(|lighting| lighting.escape);
+                let unbounded = radiosity::lossless(&scene, || escape).unwrap_or(None);
+                Self { findings, error: None, repairs, lighting, unbounded, scene: Some(scene) }
             }
-            Err(error) => Self { findings, error: Some(error), repairs: Vec::new(), lighting: None, scene: None },
+            Err(error) => {
+                let (error, repairs) = (Some(error), Vec::new());
+                Self { findings, error, repairs, lighting: None, unbounded: None, scene: None }
+            }
         }
     }
 
     /// Whether something makes a computation impossible.
     pub fn has_errors(&self) -> bool {
-        self.error.is_some() || self.findings.iter().any(|finding| finding.kind.severity() == Severity::Error)
+        self.error.is_some()
+            || self.unbounded.is_some()
+            || self.findings.iter().any(|finding| finding.kind.severity() == Severity::Error)
     }
 }
 

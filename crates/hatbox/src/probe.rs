@@ -5,6 +5,8 @@
 //! cosine of the angle between the normals is at least one half). How far that is, is reported: a point in mid-air still
 //! gets a value, and its distance says what the value is worth. Only where no cell at all looks that way there is none. Light
 //! that is gathered afresh does not need a surface: points in mid-air are where they are.
+//!
+//! Beside a hard shadow functions on elements swing below zero. No light does, so that the value is zero there.
 
 use crate::linalg::MultiVector;
 use crate::progress::{Interrupted, Progress};
@@ -53,6 +55,14 @@ pub struct Probed {
 }
 
 impl Probed {
+    /// None of it below zero.
+    fn lit(mut self) -> Self {
+        for field in [&mut self.irradiance, &mut self.radiosity] {
+            field.as_mut_slice().iter_mut().filter(|value| **value < 0.0).for_each(|value| *value = 0.0);
+        }
+        self
+    }
+
     /// What is doubtful about the values, a sentence each.
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
@@ -100,7 +110,7 @@ impl<'a> Probe<'a> {
 
     /// E and B at points with normals.
     pub fn values(&self, points: &[(DVec3, DVec3)]) -> Probed {
-        self.at(&self.places(points))
+        self.at(&self.places(points)).lit()
     }
 
     /// The same with the light of lamps as it falls on each point instead of as functions on elements have it: the edges of
@@ -139,7 +149,7 @@ impl<'a> Probe<'a> {
                 probed.radiosity.band_mut(band)[row] += scene.material(place.cell).reflectance.at(&site, band) * light;
             }
         }
-        Ok(probed)
+        Ok(probed.lit())
     }
 
     /// The same with all light as it falls on each point, gathered from every surface of the solution: I. H. Sloan's iterate,
@@ -205,7 +215,7 @@ impl<'a> Probe<'a> {
         points.iter().map(|&(position, normal)| self.place(position, normal)).collect()
     }
 
-    /// E and B at places.
+    /// E and B at places, as the functions have them.
     fn at(&self, places: &[Option<Place>]) -> Probed {
         let limit = self.limit();
         let field = |shown| {

@@ -5,11 +5,12 @@
 //! (lm, lx or W, W/m²), lengths in metres, errors and fractions relative to 1, and lists have one entry per band.
 
 use crate::adapt::{self, Adapted};
-use crate::linalg::LinearOperator;
+use crate::linalg::{LinearOperator, MultiVector};
 use crate::mesh::Mesh;
-use crate::radiosity::Solved;
+use crate::radiosity::{Solution, Solved};
 use crate::scene::{Physics, Scene};
 use serde::Serialize;
+use std::collections::HashMap;
 
 /// What is known after a solve.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -32,6 +33,8 @@ pub struct Report {
     pub solver: SolverReport,
     /// Where the power went.
     pub energy: EnergyReport,
+    /// The same, object by object and material by material.
+    pub parts: Vec<PartReport>,
     /// What is known of the row sums of the operator.
     pub closure: ClosureReport,
     /// How wrong the solution may be; `None` if nobody asked.
@@ -134,6 +137,32 @@ pub struct EnergyReport {
     pub mean_irradiance: Vec<f64>,
 }
 
+/// What arrives at a part of the scene, the faces of one object and material, and what leaves it; lists have an entry per band.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PartReport {
+    /// Name of the object.
+    pub object: String,
+    /// Name of the material.
+    pub material: String,
+    /// Its area in m².
+    pub area: f64,
+    /// Number of its elements.
+    pub elements: usize,
+    /// ∫E, in lm or W.
+    pub arriving: Vec<f64>,
+    /// ∫B, in lm or W.
+    pub leaving: Vec<f64>,
+    /// ∫B − ∫E: the power that it gives off on balance; negative where it takes more than it gives.
+    pub net: Vec<f64>,
+    /// Mean irradiance by area, in lx or W/m².
+    pub mean_irradiance: Vec<f64>,
+    /// The least mean irradiance of an element. Relative to the mean it is the uniformity that lighting codes ask for, as
+    /// far as elements tell.
+    pub least_irradiance: Vec<f64>,
+    /// The greatest mean irradiance of an element.
+    pub greatest_irradiance: Vec<f64>,
+}
+
 /// What is known of the row sums.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ClosureReport {
@@ -192,6 +221,7 @@ impl Report {
     /// From what was given and what came out.
     pub fn new(given: &Scene, solved: &Solved) -> Self {
         let solution = &solved.solution;
+        let parts = parts(solution);
         Self {
             elements: solution.space.cells(),
             dofs: solved.unknowns,
@@ -206,7 +236,8 @@ impl Report {
                 residual: solved.info.residual,
                 seconds: solved.solver_time.as_secs_f64(),
             },
-            energy: energy(solved),
+            energy: energy(solved, &parts),
+            parts,
             closure: ClosureReport {
                 escape: solved.closure.escape,
                 deficit: solved.closure.deficit,
@@ -262,22 +293,71 @@ fn operator(solved: &Solved) -> OperatorReport {
     }
 }
 
-fn energy(solved: &Solved) -> EnergyReport {
-    let energy = &solved.energy;
+fn energy(solved: &Solved, parts: &[PartReport]) -> EnergyReport {
+    let (energy, area) = (&solved.energy, parts.iter().map(|part| part.area).sum::<f64>());
+    let arriving = |band: usize| parts.iter().map(|part| part.arriving[band]).sum::<f64>();
     EnergyReport {
         emitted: energy.emitted.clone(),
         leaving: energy.leaving.clone(),
         absorbed: energy.absorbed.clone(),
         escaped: energy.escaped.clone(),
         defect: energy.defect(),
-        mean_irradiance: mean_irradiance(solved),
+        mean_irradiance: (0..solved.solution.bands()).map(|band| arriving(band) / area).collect(),
     }
 }
 
-/// ∫E / area, per band.
-fn mean_irradiance(solved: &Solved) -> Vec<f64> {
-    let solution = &solved.solution;
-    let integrals = crate::assemble::mass(&solution.scene, &solution.space).times(&solution.irradiance);
-    let area = solution.scene.mesh.area();
-    integrals.iter_bands().map(|band| band.iter().sum::<f64>() / area).collect()
+/// The parts of a solved scene, in the order in which the mesh has them.
+fn parts(solution: &Solution) -> Vec<PartReport> {
+    let (mesh, bands) = (&solution.scene.mesh, solution.bands());
+    let mass = crate::assemble::mass(&solution.scene, &solution.space);
+    let [arriving, leaving] = [&solution.irradiance, &solution.radiosity].map(|function| mass.times(function));
+    let mut places: HashMap<(u32, u32), usize> = HashMap::new();
+    let mut parts: Vec<PartReport> = Vec::new();
+    for (cell, of) in mesh.cells.iter().enumerate() {
+        let place = *places.entry((of.group, of.material)).or_insert_with(|| {
+            let object = mesh.groups.get(of.group as usize).cloned().unwrap_or_default();
+            parts.push(PartReport::empty(object, solution.scene.material(cell).name.clone(), bands));
+            parts.len() - 1
+        });
+        let over = |integrals: &MultiVector, band: usize| -> f64 {
+            integrals.band(band)[solution.space.range(cell)].iter().sum()
+        };
+        let powers = |band: usize| [over(&arriving, band), over(&leaving, band)];
+        parts[place].add(mesh.patch(cell).area(), powers);
+    }
+    for part in &mut parts {
+        part.net = part.leaving.iter().zip(&part.arriving).map(|(b, e)| b - e).collect();
+        part.mean_irradiance = part.arriving.iter().map(|e| e / part.area).collect();
+    }
+    parts
+}
+
+impl PartReport {
+    fn empty(object: String, material: String, bands: usize) -> Self {
+        Self {
+            object,
+            material,
+            area: 0.0,
+            elements: 0,
+            arriving: vec![0.0; bands],
+            leaving: vec![0.0; bands],
+            net: Vec::new(),
+            mean_irradiance: Vec::new(),
+            least_irradiance: vec![f64::INFINITY; bands],
+            greatest_irradiance: vec![f64::NEG_INFINITY; bands],
+        }
+    }
+
+    /// Adds an element; `powers` are ∫E and ∫B over it in a band.
+    fn add(&mut self, area: f64, powers: impl Fn(usize) -> [f64; 2]) {
+        self.area += area;
+        self.elements += 1;
+        for band in 0..self.arriving.len() {
+            let [arriving, leaving] = powers(band);
+            self.arriving[band] += arriving;
+            self.leaving[band] += leaving;
+            self.least_irradiance[band] = self.least_irradiance[band].min(arriving / area);
+            self.greatest_irradiance[band] = self.greatest_irradiance[band].max(arriving / area);
+        }
+    }
 }

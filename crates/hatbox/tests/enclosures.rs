@@ -7,6 +7,7 @@ use hatbox::element::{ALL, Basis};
 use hatbox::mesh::Refinement;
 use hatbox::progress::Silent;
 use hatbox::radiosity::{Error, Options, Solved, System, solve};
+use hatbox::report::Report;
 use hatbox::scene::{Material, Physics, Quantity, Scene};
 use hatbox::space::Continuity;
 
@@ -67,6 +68,30 @@ fn a_cube_with_a_glowing_ceiling_has_the_published_means() {
             assert!((sum - total).abs() < 1e-8 * total, "{}, total {total}: {sum}", basis.name);
         }
     }
+}
+
+#[test]
+fn a_report_has_what_each_part_gives_and_takes() {
+    let [solved] = with_glowing_ceiling([0.5], &options(&ALL[1], 3000, 1e-6));
+    let report = Report::new(&cube(0.5, [0.0, 1.0]), &solved);
+    let [floor_and_walls, ceiling] = &report.parts[..] else { panic!("two parts: {:?}", report.parts) };
+    assert_eq!((&*floor_and_walls.material, &*ceiling.material), ("walls", "ceiling"));
+    // B = 0.5 E on the walls, of which one square metre has 0.171 215 and four have 0.181 105; 1 + 0.5 E = 1.104 364 above.
+    let known = [(5.0, 0.171_215 + 4.0 * 0.181_105, 2.0), (1.0, 1.104_364, 0.208_728 / 1.104_364)];
+    for (part, (area, leaving, ratio)) in [floor_and_walls, ceiling].into_iter().zip(known) {
+        assert!((part.area - area).abs() < 1e-12);
+        assert!(
+            (part.leaving[0] - leaving).abs() < 5e-4 && (part.arriving[0] - ratio * leaving).abs() < 1e-3,
+            "{part:?}"
+        );
+        assert!((part.net[0] - (1.0 - ratio) * leaving).abs() < 1e-3, "{part:?}");
+        assert!((part.mean_irradiance[0] * area - part.arriving[0]).abs() < 1e-12);
+        assert!(
+            part.least_irradiance[0] < part.mean_irradiance[0] && part.mean_irradiance[0] < part.greatest_irradiance[0]
+        );
+    }
+    assert_eq!(report.elements, floor_and_walls.elements + ceiling.elements);
+    assert!((floor_and_walls.net[0] + ceiling.net[0]).abs() < 1e-9, "the room is closed");
 }
 
 #[test]

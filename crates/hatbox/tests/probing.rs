@@ -62,10 +62,29 @@ fn the_light_of_a_lamp_is_exact_at_points_on_either_side_of_a_hard_shadow_in_any
         assert!(sharp < 2e-3 && blurred > 0.1, "{}: {sharp} instead of {blurred}", basis.name);
         let reflected = direct.irradiance.band(0).iter().zip(direct.radiosity.band(0));
         let change = reflected.zip(plain.irradiance.band(0).iter().zip(plain.radiosity.band(0)));
-        for ((e, b), (e_plain, b_plain)) in change {
+        // Where the functions swing below zero there is none to add to.
+        let above =
+            |&((e, b), (e_plain, b_plain)): &((&f64, &f64), (&f64, &f64))| e.min(*b).min(e_plain.min(*b_plain)) > 0.0;
+        for ((e, b), (e_plain, b_plain)) in change.filter(above) {
             // B = B⁰ + R E: what is added to E is reflected.
             assert!((0.5 * (e - e_plain) - (b - b_plain)).abs() < 1e-12, "{}: {e} {b}", basis.name);
         }
+    }
+}
+
+#[test]
+fn no_point_has_less_than_no_light() {
+    let (solution, points) = (solution(&ALL[1]), points());
+    let probe = Probe::new(&solution);
+    let of_functions = |&(position, normal): &(DVec3, DVec3)| {
+        let place = probe.place(position, normal).expect("on the floor");
+        solution.evaluate(Shown::Irradiance, place.cell, place.at, 0)
+    };
+    let probed = probe.values(&points);
+    let least = points.iter().map(of_functions).fold(f64::INFINITY, f64::min);
+    assert!(least < 0.0, "the functions swing below zero: {least}");
+    for (point, found) in points.iter().zip(probed.irradiance.band(0)) {
+        assert_eq!(*found, of_functions(point).max(0.0), "{point:?}");
     }
 }
 

@@ -67,6 +67,9 @@ fn checked(raw: RawScene) -> Done {
     if let Some(error) = &check.error {
         add(Severity::Error, "impossible", 1, error.to_string());
     }
+    if let Some(error) = &check.unbounded {
+        add(Severity::Error, "lossless", 1, error.to_string());
+    }
     for warning in raw.warnings {
         add(Severity::Warning, "reader", 1, warning);
     }

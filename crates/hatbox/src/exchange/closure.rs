@@ -34,7 +34,7 @@ const GREATEST_DEFICIT: f64 = 0.05;
 const ESCAPE_RAYS: u32 = 16;
 /// Rays of all cells together, at the least: if none gets out, less than 3/200 000 of the light does (95 %).
 const ALL_ESCAPE_RAYS: usize = 200_000;
-/// Standard deviations of the rays beyond which an open scene's S is wrong, and not they.
+/// Standard deviations of rays within which they may be wrong, and not what is integrated.
 const SCATTER: f64 = 3.0;
 /// Relative error of the row sums up to which S counts as balanced.
 const BALANCED: f64 = 1e-11;
@@ -206,11 +206,15 @@ impl LinearOperator for Balanced {
     }
 }
 
+/// How far a fraction may be wrong if so many rays have seen it: three standard deviations of independent ones.
+pub fn scatter(fraction: f64, rays: f64) -> f64 {
+    SCATTER * (fraction * (1.0 - fraction) / rays.max(1.0)).sqrt()
+}
+
 /// What S is to be multiplied by in an open scene; nothing if `lost` is what so many rays may have seen escape.
 fn open_factor(escape: f64, lost: f64, rays: usize) -> Option<f64> {
-    let scatter = (escape * (1.0 - escape) / rays.max(1) as f64).sqrt();
     let factor = (1.0 - escape) / (1.0 - lost);
-    let believed = (lost - escape).abs() > SCATTER * scatter && (factor - 1.0).abs() < GREATEST_DEFICIT;
+    let believed = (lost - escape).abs() > scatter(escape, rays as f64) && (factor - 1.0).abs() < GREATEST_DEFICIT;
     believed.then_some(factor)
 }
 
@@ -319,8 +323,8 @@ pub(super) fn measured(
     (0..mesh.cells.len()).into_par_iter().map(lost).collect()
 }
 
-/// Rays from each cell that look for a way out, `least` at the least.
-fn rays_per_cell(cells: usize, least: u32) -> u32 {
+/// Rays of [`escapes`] from each cell, `least` at the least.
+pub fn rays_per_cell(cells: usize, least: u32) -> u32 {
     let enough = ALL_ESCAPE_RAYS.div_ceil(cells.max(1)) as u32;
     enough.max(ESCAPE_RAYS).max(least)
 }

@@ -15,7 +15,7 @@ mod sealed;
 mod tree;
 
 pub use choice::{AUTO, Problem, choose};
-pub use closure::{Balanced, Closure, escape, escapes};
+pub use closure::{Balanced, Closure, escape, escapes, rays_per_cell, scatter};
 pub use dense::{Dense, PointRow, RowFacts, Views};
 pub use hierarchical::Hierarchical;
 pub use norm::norm;

@@ -26,6 +26,7 @@ pub use direct::{Direct, Projected};
 pub use gather::{Gather, Sources};
 pub use indicator::local_error;
 pub(crate) use indicator::roughness;
+pub(crate) use lossless::lossless;
 pub use reconstruct::{error_of, gathered};
 pub use residual::{ErrorEstimate, Estimated, Sampling, estimate_error};
 pub use solution::{Shown, Solution};

@@ -1,4 +1,4 @@
-use super::lossless::{lossless_band, mirrors};
+use super::lossless::lossless;
 use super::operators::{Arriving, Equation, InverseMass, Join, Mass, Reflection, Symmetric, Transport, preconditioner};
 use super::products::{Asked, Part, Products};
 use super::residual::greater;
@@ -132,8 +132,9 @@ impl System {
         let mass = mass(&scene, &space);
         let mass_inverse = mass.inverse().ok_or(Error::Degenerate)?;
         let geometry = Geometry::new(&scene, &space, &blockers, &panels);
-        if let Some(band) = lossless_band(&geometry, params.seed, progress).map_err(ExchangeError::from)? {
-            return Err(Error::Lossless { band, materials: mirrors(&scene, band) });
+        let escape = || exchange::escape(&geometry, params.seed, progress).map_err(ExchangeError::from);
+        if let Some(error) = lossless(&scene, escape)? {
+            return Err(error);
         }
         let (exchange, operator_reason) = operator(&geometry, kind, params, [&mass, &mass_inverse], progress)?;
         let join = Join::of(&space, &mass);

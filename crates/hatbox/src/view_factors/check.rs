@@ -139,7 +139,8 @@ mod tests {
     use super::{Distribution, greatest};
 
     fn factors(areas: Vec<f64>) -> ViewFactors {
-        let surface = |name: &str| Surface { name: name.to_owned(), area: 1.0, emittance: 1.0, escape: 0.0 };
+        let surface =
+            |name: &str| Surface { name: name.to_owned(), area: 1.0, emittance: 1.0, escape: 0.0, escape_error: 0.0 };
         ViewFactors {
             surfaces: ["a", "b"].map(surface).into(),
             elements: 2,

@@ -1,7 +1,8 @@
 //! Row sums made right, without harm to reciprocity.
 //!
-//! The rows of `a_ij = A_i F_ij` are to sum to `t_i = A_i (1 − escape_i)`, which in a closed scene is exactly A_i. Entries
-//! that are zero stay zero, none becomes negative, and the matrix stays symmetric:
+//! The rows of `a_ij = A_i F_ij` are to sum to `t_i = A_i (1 − escape_i)`, which in a closed scene is exactly A_i. In an open
+//! one rays have measured what escapes: a sum that they do not contradict stays as it is, any other is to be the nearest that
+//! they do not. Entries that are zero stay zero, none becomes negative, and the matrix stays symmetric:
 //!
 //! | method | a_ij becomes |
 //! |---|---|
@@ -264,7 +265,8 @@ mod tests {
     /// Four surfaces of area 1, each of which sees the three others equally, but with 3 % lost on the way; surfaces 0 and
     /// 1 see each other past a small obstacle.
     fn lossy() -> (Matrix, Vec<Surface>) {
-        let surface = |name: &str| Surface { name: name.to_owned(), area: 1.0, emittance: 1.0, escape: 0.0 };
+        let surface =
+            |name: &str| Surface { name: name.to_owned(), area: 1.0, emittance: 1.0, escape: 0.0, escape_error: 0.0 };
         let third = |k: usize| if k / 4 == k % 4 { 0.0 } else { 0.97 / 3.0 };
         let areas = Areas::Table((0..16).map(third).collect());
         (Matrix::new(areas, 4), ["a", "b", "c", "d"].map(surface).into())

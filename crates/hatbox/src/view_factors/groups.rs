@@ -1,7 +1,7 @@
 //! Which elements make a surface.
 
 use super::matrix::{Areas, Matrix};
-use super::{Between, Source, Surface};
+use super::{Between, Escapes, Source, Surface};
 use crate::exchange::Dense;
 use crate::scene::Scene;
 use rayon::prelude::*;
@@ -44,29 +44,24 @@ impl Grouping {
     }
 
     /// The surfaces; `escapes` are those of the elements.
-    pub(super) fn surfaces(&self, scene: &Scene, escapes: &[f64]) -> Vec<Surface> {
+    pub(super) fn surfaces(&self, scene: &Scene, escapes: &Escapes) -> Vec<Surface> {
         let emittances: Vec<f64> = scene.materials.iter().map(|material| emittance(scene, material)).collect();
-        let element = |cell: usize| {
-            let area = scene.mesh.patch(cell).area();
-            (area, emittances[scene.mesh.cells[cell].material as usize], escapes[cell])
-        };
         let surface = |name: String, cells: &[usize]| {
-            let [mut area, mut emitted, mut escaped] = [0.0; 3];
-            for (a, emittance, escape) in cells.iter().map(|&cell| element(cell)) {
+            let [mut area, mut emitted, mut escaped, mut squares] = [0.0; 4];
+            for &cell in cells {
+                let a = scene.mesh.patch(cell).area();
                 area += a;
-                emitted += a * emittance;
-                escaped += a * escape;
+                emitted += a * emittances[scene.mesh.cells[cell].material as usize];
+                escaped += a * escapes.fractions[cell];
+                squares += (a * escapes.errors[cell]).powi(2);
             }
-            Surface { name, area, emittance: emitted / area, escape: escaped / area }
+            let [emittance, escape, escape_error] = [emitted, escaped, squares.sqrt()].map(|sum| sum / area);
+            Surface { name, area, emittance, escape, escape_error }
         };
         match self {
             Self::Elements => {
                 let names = element_names(scene).into_iter().enumerate();
-                let one = |(cell, name): (usize, String)| {
-                    let (area, emittance, escape) = element(cell);
-                    Surface { name, area, emittance, escape }
-                };
-                names.map(one).collect()
+                names.map(|(cell, name)| surface(name, &[cell])).collect()
             }
             Self::Groups { names, members } => {
                 names.iter().zip(members).map(|(name, cells)| surface(name.clone(), cells)).collect()

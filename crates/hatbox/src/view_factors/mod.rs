@@ -140,6 +140,21 @@ pub struct Surface {
     /// The measured fraction of its light that leaves the scene or ends on a side that receives none; 0 in a closed
     /// scene.
     pub escape: f64,
+    /// How far that may be wrong: three standard deviations of its rays; 0 in a closed scene, which is known to be one.
+    pub escape_error: f64,
+}
+
+impl Surface {
+    /// What a row is to sum to that sums to so much: what does not escape, as far as the rays know it.
+    fn closed_sum(&self, sum: f64) -> f64 {
+        sum.clamp(1.0 - self.escape - self.escape_error, 1.0 - self.escape + self.escape_error)
+    }
+}
+
+/// What escapes from each element, and how far that may be wrong.
+struct Escapes {
+    fractions: Vec<f64>,
+    errors: Vec<f64>,
 }
 
 /// The view factors of a scene.
@@ -195,7 +210,7 @@ impl ViewFactors {
         let mut found = Self {
             surfaces: grouping.surfaces(&scene, &escapes),
             elements: panels.len(),
-            escape: mean(panels, &escapes),
+            escape: mean(panels, &escapes.fractions),
             statistics,
             reversed_error,
             meshing,
@@ -220,7 +235,9 @@ impl ViewFactors {
         let bound = |i, j| grouping.unobstructed(source, i, j);
         let limits = (!clear).then_some(closure::Limits { bound: &bound, integrated: None });
         if options.closure != ClosureMethodKind::None {
-            let targets: Vec<f64> = self.surfaces.iter().map(|surface| surface.area * (1.0 - surface.escape)).collect();
+            let sums = closure::sums(&self.matrix, &self.surfaces);
+            let targets = self.surfaces.iter().zip(sums).map(|(surface, sum)| surface.area * surface.closed_sum(sum));
+            let targets: Vec<f64> = targets.collect();
             let closed = closure::close(&mut self.matrix, &self.surfaces, &targets, options.closure, limits, progress)?;
             self.closure = Some(closed);
         }
@@ -316,14 +333,21 @@ impl ViewFactors {
 
 /// What escapes from each element. A closure that aims at it needs it more accurately: low-discrepancy rays have an error
 /// of about n^(-3/4), which is to be below the tolerance.
-fn escapes(geometry: &Geometry<'_>, options: &Options, progress: &dyn Progress) -> Result<Vec<f64>, Interrupted> {
-    let first = exchange::escapes(geometry, 0, options.seed, progress)?;
-    if options.closure == ClosureMethodKind::None || first.iter().all(|&escape| escape == 0.0) {
-        return Ok(first);
+fn escapes(geometry: &Geometry<'_>, options: &Options, progress: &dyn Progress) -> Result<Escapes, Interrupted> {
+    let cells = geometry.panels().len();
+    let mut rays = 0;
+    let mut fractions = exchange::escapes(geometry, rays, options.seed, progress)?;
+    if fractions.iter().all(|&escape| escape == 0.0) {
+        return Ok(Escapes { errors: vec![0.0; cells], fractions });
     }
-    let most = MAX_ESCAPE_RAYS / geometry.panels().len().max(1) as f64;
-    let rays = options.tolerance.powf(-4.0 / 3.0).min(most) as u32;
-    exchange::escapes(geometry, rays, options.seed, progress)
+    if options.closure != ClosureMethodKind::None {
+        rays = options.tolerance.powf(-4.0 / 3.0).min(MAX_ESCAPE_RAYS / cells.max(1) as f64) as u32;
+        fractions = exchange::escapes(geometry, rays, options.seed, progress)?;
+    }
+    let count = f64::from(exchange::rays_per_cell(cells, rays));
+    // A ray more or less is always possible.
+    let error = |&escape: &f64| exchange::scatter(escape, count).max(1.0 / count);
+    Ok(Escapes { errors: fractions.iter().map(error).collect(), fractions })
 }
 
 /// The mean over the area.

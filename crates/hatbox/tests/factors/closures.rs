@@ -88,7 +88,7 @@ fn changes_are_products_or_sums_of_numbers_of_rows_and_columns() {
 }
 
 #[test]
-fn in_an_open_scene_the_rows_sum_to_what_does_not_escape() {
+fn a_closure_leaves_rows_alone_that_rays_do_not_contradict() {
     let mut open = cube();
     open.remove(1);
     for method in [ClosureMethodKind::Scaling, ClosureMethodKind::LeastSquares] {
@@ -97,10 +97,10 @@ fn in_an_open_scene_the_rows_sum_to_what_does_not_escape() {
         assert_physical(&found);
         assert!(found.closure.expect("a report").error_after < 1e-12);
         for (row, surface) in found.check().rows.iter().zip(&found.surfaces) {
-            assert!((row.sum + surface.escape - 1.0).abs() < 1e-12);
+            assert!((row.sum + surface.escape - 1.0).abs() < surface.escape_error && surface.escape_error < 0.01);
         }
-        // The measured escape is good enough not to do harm.
-        assert!((found.get(1, 3) - 0.200_043_776).abs() < 2e-3, "{}", found.get(1, 3));
+        // The integrals are better than the rays, whose scatter is 2e-3.
+        assert!((found.get(1, 3) - 0.200_043_776).abs() < 1e-6, "{}", found.get(1, 3));
     }
 }
 

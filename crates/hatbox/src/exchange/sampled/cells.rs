@@ -1,4 +1,4 @@
-//! The cells as the rays need them, 68 bytes each, and where on them a point of a face of the input lies.
+//! The cells as the rays need them, and where on them a point of a face of the input lies.
 
 use crate::element::{Element, Shape};
 use crate::mesh::{Mesh, Patch};
@@ -6,41 +6,32 @@ use crate::scene::{Scene, Surface};
 use crate::space::FunctionSpace;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Corners, surfaces and elements of the cells.
 #[derive(Debug)]
 pub(in crate::exchange) struct Cells {
-    vertices: Vec<DVec3>,
-    corners: Vec<[u32; 4]>,
-    surfaces: Vec<u32>,
-    elements: Vec<&'static Element>,
+    mesh: Arc<Mesh>,
+    space: FunctionSpace,
     areas: Vec<f64>,
-    /// First coefficient of each cell, and their number.
-    offsets: Vec<u32>,
 }
 
 impl Cells {
-    pub(in crate::exchange) fn new(mesh: &Mesh, space: &FunctionSpace) -> Self {
-        Self {
-            vertices: mesh.vertices.clone(),
-            corners: mesh.cells.iter().map(|cell| cell.vertices).collect(),
-            surfaces: mesh.cells.iter().map(|cell| cell.surface).collect(),
-            elements: (0..space.cells()).map(|cell| space.element(cell)).collect(),
-            areas: (0..mesh.cells.len()).map(|cell| mesh.patch(cell).area()).collect(),
-            offsets: space.offsets().iter().map(|&offset| offset as u32).collect(),
-        }
+    pub(in crate::exchange) fn new(mesh: &Arc<Mesh>, space: &FunctionSpace) -> Self {
+        let areas = (0..mesh.cells.len()).map(|cell| mesh.patch(cell).area()).collect();
+        Self { mesh: Arc::clone(mesh), space: space.clone(), areas }
     }
 
     pub(in crate::exchange) fn len(&self) -> usize {
-        self.corners.len()
+        self.mesh.cells.len()
     }
 
     pub(in crate::exchange) fn unknowns(&self) -> usize {
-        self.offsets[self.len()] as usize
+        self.space.broken_dofs()
     }
 
     pub(in crate::exchange) fn patch(&self, cell: usize) -> Patch {
-        Patch::new(self.elements[cell].shape, self.corners[cell].map(|vertex| self.vertices[vertex as usize]))
+        self.mesh.patch(cell)
     }
 
     pub(in crate::exchange) fn area(&self, cell: usize) -> f64 {
@@ -49,30 +40,30 @@ impl Cells {
 
     /// The patch of a cell whose map to the reference cell stretches it unevenly.
     pub(in crate::exchange) fn stretched(&self, cell: usize) -> Option<Patch> {
-        let quad = self.elements[cell].shape == Shape::Quad;
+        let quad = self.element(cell).shape == Shape::Quad;
         quad.then(|| self.patch(cell)).filter(|patch| !patch.is_affine())
     }
 
     pub(in crate::exchange) fn surface(&self, cell: usize) -> u32 {
-        self.surfaces[cell]
+        self.mesh.cells[cell].surface
     }
 
     pub(in crate::exchange) fn element(&self, cell: usize) -> &'static Element {
-        self.elements[cell]
+        self.space.element(cell)
     }
 
     /// The coefficients of a cell.
     pub(in crate::exchange) fn range(&self, cell: usize) -> std::ops::Range<usize> {
-        self.offsets[cell] as usize..self.offsets[cell + 1] as usize
+        self.space.range(cell)
     }
 
     /// The reference coordinates of a point of a cell's plane.
     fn locate(&self, cell: usize, point: DVec3) -> [f64; 2] {
-        if self.elements[cell].shape != Shape::Triangle {
+        if self.element(cell).shape != Shape::Triangle {
             return self.patch(cell).locate(point);
         }
         // What a patch does, without the root for its normal.
-        let [a, b, c, _] = self.corners[cell].map(|vertex| self.vertices[vertex as usize]);
+        let [a, b, c, _] = self.mesh.cells[cell].vertices.map(|vertex| self.mesh.vertices[vertex as usize]);
         let (u, v, r) = (b - a, c - a, point - a);
         let normal = u.cross(v);
         let square = normal.length_squared();
@@ -81,8 +72,7 @@ impl Cells {
 
     /// The place of each cell in an order along a curve that fills space: cells that follow each other are neighbours.
     pub(in crate::exchange) fn order(&self) -> Vec<u32> {
-        let lo = self.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
-        let hi = self.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let (lo, hi) = self.mesh.bounds();
         let scale = f64::from(1 << 20) / (hi - lo).max_element().max(f64::MIN_POSITIVE);
         let key = |cell: u32| {
             let patch = self.patch(cell as usize);
@@ -101,8 +91,9 @@ impl Cells {
         place
     }
 
+    /// Beside the mesh, which is the scene's.
     pub(in crate::exchange) fn bytes(&self) -> usize {
-        size_of_val(&*self.vertices) + self.len() * (size_of::<[u32; 4]>() + 16 + size_of::<&Element>())
+        size_of_val(&*self.areas)
     }
 }
 
@@ -142,7 +133,36 @@ struct Grid {
     axes: [DVec3; 2],
     size: [u32; 2],
     first: Vec<u32>,
-    cells: Vec<u32>,
+    /// Which of the cells of the side reach into each bin.
+    places: Vec<u32>,
+    /// How each cell of the side lies on it, if all have one shape and lie there unstretched.
+    maps: Option<(Shape, Vec<Map>)>,
+}
+
+/// The affine map from a grid's coordinates to a cell's reference coordinates: all that is asked of a cell that may have been
+/// hit, in half of a line of the cache.
+#[derive(Debug)]
+struct Map {
+    origin: [f64; 2],
+    rows: [[f32; 2]; 2],
+}
+
+impl Map {
+    fn new(grid: &Grid, patch: &Patch) -> Self {
+        let last = if patch.shape() == Shape::Quad { 3 } else { 2 };
+        let [a, b, c] = [0, 1, last].map(|k| grid.coordinates(patch.corners()[k]));
+        let [[ux, uy], [vx, vy]] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1]]);
+        let det = ux * vy - uy * vx;
+        let scale = if det == 0.0 { 0.0 } else { 1.0 / det };
+        let rows = [[vy, -vx], [-uy, ux]].map(|row| row.map(|entry| (scale * entry) as f32));
+        Self { origin: a, rows }
+    }
+
+    /// The reference coordinates of a point, to seven digits of the cell's size.
+    fn of(&self, at: [f64; 2]) -> [f64; 2] {
+        let [x, y] = [at[0] - self.origin[0], at[1] - self.origin[1]];
+        self.rows.map(|[a, b]| f64::from(a) * x + f64::from(b) * y)
+    }
 }
 
 impl Locator {
@@ -173,27 +193,28 @@ impl Locator {
     /// cells. A point between cells to rounding belongs to the nearest.
     pub(super) fn find(&self, cells: &Cells, surface: u32, front: bool, point: DVec3) -> Option<(u32, [f64; 2])> {
         let side = 2 * surface as usize + usize::from(!front);
-        let grid = self.grid_of[side];
-        let candidates = match self.grids.get(grid as usize) {
-            Some(grid) => grid.at(point),
-            None => self.on(side),
+        let on = self.on(side);
+        let by_corners = |place: u32| {
+            let cell = on[place as usize] as usize;
+            (cells.element(cell).shape, cells.locate(cell, point))
         };
-        let mut best: Option<(f64, u32, [f64; 2])> = None;
-        for &cell in candidates {
-            let at = cells.locate(cell as usize, point);
-            let inside = depth(cells.elements[cell as usize].shape, at);
-            if best.is_none_or(|(most, ..)| inside > most) {
-                best = Some((inside, cell, at));
-                if inside >= 0.0 {
-                    break;
+        let found = match self.grids.get(self.grid_of[side] as usize) {
+            None => deepest(0..on.len() as u32, by_corners),
+            Some(grid) => {
+                let at = grid.coordinates(point);
+                let places = grid.at(at).iter().copied();
+                match &grid.maps {
+                    Some((shape, maps)) => deepest(places, |place| (*shape, maps[place as usize].of(at))),
+                    None => deepest(places, by_corners),
                 }
             }
-        }
-        best.map(|(_, cell, at)| (cell, at))
+        };
+        found.map(|(place, at)| (on[place as usize], at))
     }
 
     pub(super) fn bytes(&self) -> usize {
-        let grid = |grid: &Grid| size_of::<Grid>() + 4 * (grid.first.len() + grid.cells.len());
+        let maps = |grid: &Grid| grid.maps.as_ref().map_or(0, |(_, maps)| size_of_val(&**maps));
+        let grid = |grid: &Grid| size_of::<Grid>() + 4 * (grid.first.len() + grid.places.len()) + maps(grid);
         4 * (self.first.len() + self.cells.len() + self.grid_of.len()) + self.grids.iter().map(grid).sum::<usize>()
     }
 }
@@ -214,11 +235,16 @@ impl Grid {
         let size = [extent.x, extent.y].map(|length| ((length / bin).ceil() as u32).clamp(1, 1 << 14));
         let scale = [f64::from(size[0]) / extent.x, f64::from(size[1]) / extent.y];
         let origin = corners[0] + e1 * low.x + e2 * low.y;
-        let mut grid =
-            Self { origin, axes: [e1 * scale[0], e2 * scale[1]], size, first: Vec::new(), cells: Vec::new() };
+        let axes = [e1 * scale[0], e2 * scale[1]];
+        let mut grid = Self { origin, axes, size, first: Vec::new(), places: Vec::new(), maps: None };
+        let shape = cells.element(on[0] as usize).shape;
+        let mut maps = Vec::with_capacity(on.len());
         let mut entries = Vec::with_capacity(4 * on.len());
-        for &cell in on {
+        for (place, &cell) in on.iter().enumerate() {
             let patch = cells.patch(cell as usize);
+            if patch.shape() == shape && patch.is_affine() {
+                maps.push(Map::new(&grid, &patch));
+            }
             let bins = patch.corners().iter().map(|&p| grid.coordinates(p));
             // Rounding may put a point into the next bin.
             let (low, high) = bins.fold(([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]), |(lo, hi), [x, y]| {
@@ -227,10 +253,11 @@ impl Grid {
             let [x0, y0] = grid.bin([low[0] - 1e-6, low[1] - 1e-6]);
             let [x1, y1] = grid.bin([high[0] + 1e-6, high[1] + 1e-6]);
             for y in y0..=y1 {
-                entries.extend((x0..=x1).map(|x| ((y * size[0] + x) as usize, cell)));
+                entries.extend((x0..=x1).map(|x| ((y * size[0] + x) as usize, place as u32)));
             }
         }
-        (grid.first, grid.cells) = sorted((size[0] * size[1]) as usize, entries.iter().copied());
+        (grid.first, grid.places) = sorted((size[0] * size[1]) as usize, entries.iter().copied());
+        grid.maps = (maps.len() == on.len()).then_some((shape, maps));
         grid
     }
 
@@ -242,16 +269,34 @@ impl Grid {
         std::array::from_fn(|k| (at[k].max(0.0) as u32).min(self.size[k] - 1))
     }
 
-    fn at(&self, point: DVec3) -> &[u32] {
-        let [x, y] = self.bin(self.coordinates(point));
+    /// What reaches into the bin of these coordinates.
+    fn at(&self, at: [f64; 2]) -> &[u32] {
+        let [x, y] = self.bin(at);
         let bin = (y * self.size[0] + x) as usize;
-        &self.cells[self.first[bin] as usize..self.first[bin + 1] as usize]
+        &self.places[self.first[bin] as usize..self.first[bin + 1] as usize]
     }
 }
 
 /// The normal of a face's front, the side it is counter-clockwise from.
 fn surface_normal(surface: &Surface) -> DVec3 {
     surface.patch(DVec3::ZERO).normal()
+}
+
+/// The first of some places whose cell a point lies in, or the one that it lies nearest to, and the reference coordinates there.
+#[inline]
+fn deepest(places: impl Iterator<Item = u32>, locate: impl Fn(u32) -> (Shape, [f64; 2])) -> Option<(u32, [f64; 2])> {
+    let mut best: Option<(f64, u32, [f64; 2])> = None;
+    for place in places {
+        let (shape, at) = locate(place);
+        let inside = depth(shape, at);
+        if best.is_none_or(|(most, ..)| inside > most) {
+            best = Some((inside, place, at));
+            if inside >= 0.0 {
+                break;
+            }
+        }
+    }
+    best.map(|(_, place, at)| (place, at))
 }
 
 /// How far inside the reference cell a point is; negative outside.

@@ -276,6 +276,11 @@ impl Sampled {
                     }
                     continue;
                 }
+                if N == 1 && !lamp {
+                    let values = &source.values[source.place::<N, B>(&self.cells, hit.cell())];
+                    work.fit[..bands].iter_mut().zip(values).for_each(|(sum, v)| *sum += weight * v);
+                    continue;
+                }
                 let spots = if N > 0 { &rays.table.spots } else { &self.table(hit.cell()).spots };
                 source.evaluate::<N, B>(&self.cells, hit, spots, value);
                 let sums = if lamp {

@@ -43,7 +43,9 @@ impl PropertyAccess for Record {
 pub(super) fn read(file: &Path) -> Result<RawScene, ReadError> {
     let bytes = files::read(file)?;
     let ply = Parser::<Record>::new().read_ply(&mut bytes.as_slice()).map_err(|error| {
+        // What was found and where; the parser's own state comes after it.
         let text = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+        let text = text.split(" Error: ").next().unwrap_or_default();
         ReadError::new(file, "", format!("it is no PLY, or cut off ({text})"), "export the file again")
     })?;
     let records = |element| ply.payload.get(element).map_or(&[][..], Vec::as_slice);

@@ -176,6 +176,7 @@ impl<'a> Reader<'a> {
         let index = index.filter(|&index| index < count);
         index.ok_or_else(|| {
             let reason = match number {
+                Some(0) => format!("the face names {what} 0, but they count from 1, or back from the last with -1"),
                 Some(_) => format!("the face names {what} {part}, but {count} are defined up to here"),
                 None => format!("`{part}` is no {what} index"),
             };
