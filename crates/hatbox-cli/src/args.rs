@@ -138,7 +138,8 @@ pub(crate) struct FactorsArgs {
     pub(crate) mesh: FactorMeshArgs,
     /// How the sums of the rows are made right
     ///
-    /// In a closed scene each becomes 1, in an open one what the rays that measure it do not see escape. Reciprocity stays,
+    /// In a closed scene each becomes 1; in an open one it may differ from what rays do not see escape by no more than they may
+    /// be wrong. Reciprocity stays,
     /// zeros stay zero, and what is hidden in part stays below what it would be if nothing stood in the way. What changed
     /// is reported.
     #[arg(long, value_name = "METHOD", default_value = options::default_closure(), value_parser = closures())]

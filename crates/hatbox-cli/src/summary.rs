@@ -16,6 +16,9 @@ const SHOWN_SURFACES: usize = 8;
 /// Row sums that are off by no more are so by rounding.
 const EXACT: f64 = 1e-12;
 
+/// What a closed scene may lose of its power without a word: a digit less than is shown.
+const SMALL_LOSS: f64 = 5e-4;
+
 /// Lines, each with a name in a column of its own.
 struct Lines {
     style: Style,
@@ -102,10 +105,11 @@ fn light(lines: &mut Lines, report: &Report) {
         return;
     }
     let share = |part: &[f64]| percent(part.iter().sum::<f64>() / emitted);
-    // Of a closed scene what escapes is what the solver left.
+    let escaped = energy.escaped.iter().sum::<f64>() / emitted;
     let escaped = match report.closure.escape {
-        0.0 => String::new(),
-        _ => format!(", {} escaped", share(&energy.escaped)),
+        0.0 if escaped.abs() < SMALL_LOSS => String::new(),
+        0.0 => format!(", {} lost by errors of the operator", percent(escaped)),
+        _ => format!(", {} escaped", percent(escaped)),
     };
     lines.line(
         label,

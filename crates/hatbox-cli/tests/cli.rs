@@ -94,7 +94,7 @@ fn solve_reports_in_json_and_writes_every_format() {
                 /operator/pairs /operator/seconds /operator/quadrature_error /operator/visibility_error \
                 /solver/kind /solver/iterations /solver/residual /solver/seconds /energy/emitted /energy/leaving \
                 /energy/absorbed /energy/escaped /energy/defect /closure/escape /closure/deficit /closure/balanced \
-                /error/estimate /error/residual /seconds /peak_bytes /outputs /warnings";
+                /parts/0/object /parts/0/material /parts/0/net/0 /parts/0/least_irradiance/0 /error/estimate /error/residual /seconds /peak_bytes /outputs /warnings";
     for key in keys.split(' ') {
         assert!(report.pointer(key).is_some(), "{key} is missing in {report:#}");
     }
@@ -113,6 +113,9 @@ fn solve_tells_people_what_it_did() {
     for word in words {
         assert!(summary.contains(word), "`{word}` is missing in\n{summary}");
     }
+    assert!(!summary.contains("escaped"), "the cube is closed:\n{summary}");
+    let rays = text(&succeed(solve_cube().args(["--operator", "sampled"])).stdout);
+    assert!(rays.contains("row sums were exact"), "{rays}");
     assert!(!summary.contains('\x1b'), "no colours in a pipe");
     assert!(output.stderr.is_empty(), "{}", text(&output.stderr));
     assert!(succeed(solve_cube().arg("--quiet")).stdout.is_empty());

@@ -102,30 +102,31 @@ fn run(name: &str, elements: usize, kind: &str, tolerance: f64) {
     let (solve, cpu) = (solved.solver_time.as_secs_f64(), cpu_seconds() - cpu);
     let check = started.elapsed().as_secs_f64() - build - solve;
     let (noise, peak) = (system.operator_error(&solved.solution), peak_megabytes());
+    // Seconds and passes, or dashes.
     let mut again = |change: &dyn Fn(usize, &Material) -> Material| {
         if elements > MOST_CHECKED {
-            return (0.0, 0);
+            return ["-"; 2].map(str::to_owned);
         }
         let started = Instant::now();
         let materials = system.scene.materials.iter().enumerate().map(|(k, material)| change(k, material)).collect();
         system.set_materials(materials, options.continuity).expect("the same cells");
         let solver = system.best_solver();
         let (_, info) = system.solve(solver, &system.solver_params(solver), &Silent).expect("solved again");
-        (started.elapsed().as_secs_f64(), info.iterations)
+        [format!("{:.1}", started.elapsed().as_secs_f64()), info.iterations.to_string()]
     };
-    let (relight, relit) = again(&|_, material| Material { exitance: tinted(&material.exitance), ..material.clone() });
-    let (repaint, repainted) = again(&|k, material| {
+    let [relight, relit] = again(&|_, material| Material { exitance: tinted(&material.exitance), ..material.clone() });
+    let [repaint, repainted] = again(&|k, material| {
         let darker = if k.is_multiple_of(3) { tinted(&material.reflectance) } else { material.reflectance.clone() };
         Material { reflectance: darker, ..material.clone() }
     });
     println!(
-        "{name:<10} {kind:<12} {:>9} {:>9} {build:>7.1} {solve:>7.1} {check:>7.1} {relight:>7.1} {repaint:>7.1} {:>7} {cpu:>7.1} {peak:>8.0} {:>8.0} {:>6.2} % {:>6.2} %",
+        "{name:<10} {kind:<12} {:>9} {:>9} {build:>7.1} {solve:>7.1} {check:>7.1} {relight:>7} {repaint:>7} {:>7} {cpu:>7.1} {peak:>8.0} {:>8.0} {:>6.2} % {:>8}",
         system.space.cells(),
         scene.surfaces.len(),
         format!("{}/{relit}/{repainted}", solved.info.iterations),
         solved.operator.bytes as f64 / 1e6,
         100.0 * noise,
-        solved.error.map_or(0.0, |error| 100.0 * error.relative),
+        solved.error.map_or("-".to_owned(), |error| format!("{:.2} %", 100.0 * error.relative)),
     );
 }
 

@@ -195,7 +195,7 @@ impl<'a> Probe<'a> {
                 }
             }
         }
-        Ok(probed)
+        Ok(probed.lit())
     }
 
     /// B⁰ + R E at a place.

@@ -157,7 +157,7 @@ pub struct PartReport {
     /// Mean irradiance by area, in lx or W/m².
     pub mean_irradiance: Vec<f64>,
     /// The least mean irradiance of an element. Relative to the mean it is the uniformity that lighting codes ask for, as
-    /// far as elements tell.
+    /// far as elements tell; those in a hard shadow may be a little below zero.
     pub least_irradiance: Vec<f64>,
     /// The greatest mean irradiance of an element.
     pub greatest_irradiance: Vec<f64>,

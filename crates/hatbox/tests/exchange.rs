@@ -114,6 +114,53 @@ fn power_is_balanced() {
     });
 }
 
+/// Suns are right-hand sides: each is solved for as if it were alone, by every solver.
+#[test]
+fn many_right_hand_sides_are_each_solved_for_as_if_alone() {
+    for_all(|kind, basis| {
+        let system = System::build(&room(0.6, [0.0, 100.0]), &options(kind, basis), &Silent).expect("built");
+        let load = |column: usize, dof: usize| (1.0 + (dof * (column + 1)) as f64).sin().abs();
+        let rows = system.space.broken_dofs();
+        let together = MultiVector::from_fn(rows, 3, |dof, column| load(column, dof));
+        let params = solve::Params { tolerance: 1e-9, ..solve::Params::default() };
+        for solver in [solve::Kind::Cg, solve::Kind::Gmres, solve::Kind::Neumann] {
+            let solved =
+                |load: &MultiVector| system.solve_for(load, solver, &params, &Silent).expect("solved").0.radiosity;
+            let together = solved(&together);
+            for column in 0..3 {
+                let alone = solved(&MultiVector::from_fn(rows, 1, |dof, _| load(column, dof)));
+                let pairs = alone.band(0).iter().zip(together.band(column));
+                let off = pairs.map(|(a, b)| (a - b).abs() / (1.0 + a.abs())).fold(0.0, f64::max);
+                assert!(off < 1e-5, "{} {} {solver:?}: {off}", kind.name, basis.name);
+            }
+        }
+    });
+}
+
+/// Cᵀ S C in one is what the three are one after the other: with lamps, with links, and with rays that are cast again.
+#[test]
+fn an_operator_that_is_handed_the_joints_applies_the_same() {
+    for_all(|kind, basis| {
+        let scene = room(0.6, [0.0, 100.0]);
+        for memory in [exchange::MEMORY, 200_000] {
+            if memory < exchange::MEMORY && kind.name == exchange::Dense::NAME {
+                continue;
+            }
+            let options = Options { memory, ..options(kind, basis) };
+            let system = System::build(&scene, &options, &Silent).expect("built");
+            let Some(c) = system.space.continuity() else { continue };
+            let x = MultiVector::from_fn(c.cols(), 2, |row, band| ((row + 1) as f64 * (0.3 + band as f64)).sin());
+            let transpose = c.transpose();
+            let expected = transpose.times(&system.exchange.times(&c.times(&x)));
+            let mut found = MultiVector::uniform(c.cols(), &[7.0; 2]);
+            system.exchange.apply_joined(c, &transpose, &x, &mut found);
+            let scale = expected.norms()[0];
+            let off = found.as_slice().iter().zip(expected.as_slice()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(off < 1e-13 * scale, "{} {} {memory}: {off}", kind.name, basis.name);
+        }
+    });
+}
+
 /// The solution to ten digits, whatever the operator deserves.
 fn tightly(system: &System) -> Solution {
     let params = solve::Params { tolerance: 1e-10, ..solve::Params::default() };

@@ -65,7 +65,9 @@ fn the_light_of_a_lamp_is_exact_at_points_on_either_side_of_a_hard_shadow_in_any
         // Where the functions swing below zero there is none to add to.
         let above =
             |&((e, b), (e_plain, b_plain)): &((&f64, &f64), (&f64, &f64))| e.min(*b).min(e_plain.min(*b_plain)) > 0.0;
-        for ((e, b), (e_plain, b_plain)) in change.filter(above) {
+        let compared: Vec<_> = change.filter(above).collect();
+        assert!(compared.len() > 20, "{}: {}", basis.name, compared.len());
+        for ((e, b), (e_plain, b_plain)) in compared {
             // B = B⁰ + R E: what is added to E is reflected.
             assert!((0.5 * (e - e_plain) - (b - b_plain)).abs() < 1e-12, "{}: {e} {b}", basis.name);
         }
@@ -81,6 +83,11 @@ fn no_point_has_less_than_no_light() {
         solution.evaluate(Shown::Irradiance, place.cell, place.at, 0)
     };
     let probed = probe.values(&points);
+    let direct = probe.values_with_direct_light(&points, 0, &Silent).expect("nobody stops it");
+    let gathered = probe.values_gathered(&points, 0, &Silent).expect("nobody stops it");
+    for found in [&probed, &direct, &gathered] {
+        assert!(found.irradiance.as_slice().iter().chain(found.radiosity.as_slice()).all(|&value| value >= 0.0));
+    }
     let least = points.iter().map(of_functions).fold(f64::INFINITY, f64::min);
     assert!(least < 0.0, "the functions swing below zero: {least}");
     for (point, found) in points.iter().zip(probed.irradiance.band(0)) {

@@ -77,6 +77,29 @@ fn a_repainted_scene_is_the_scene_that_was_painted_so_from_the_start() {
     assert!(again.energy.defect() < 1e-9);
 }
 
+/// Rays know less of an equation that is solved in the joined space than one needs whose reflectance varies on elements.
+#[test]
+fn a_texture_on_a_sampled_operator_is_solved_for_as_from_the_start() {
+    let options =
+        Options { operator: hatbox::exchange::kind("sampled").expect("a kind"), tolerance: 0.02, ..options() };
+    let varying = |factor: f64| {
+        let mut varying = materials([0.7, 0.1, 0.0], 2.0);
+        varying[0].reflectance = Quantity::function(move |site, _| factor * site.position.x);
+        varying
+    };
+    let steps = [materials([0.5, 0.5, 0.2], 1.0), varying(0.8), varying(0.4), materials([0.6, 0.5, 0.2], 3.0)];
+    let solved = |system: &System| system.solved(&options, &Silent).expect("solved").solution;
+    let mut kept = System::build(&cube(steps[0].clone()), &options, &Silent).expect("built");
+    for materials in steps {
+        kept.set_materials(materials.clone(), options.continuity).expect("the same cells");
+        let (again, fresh) =
+            (solved(&kept), solved(&System::build(&cube(materials), &options, &Silent).expect("built")));
+        for (again, fresh) in [(&again.radiosity, &fresh.radiosity), (&again.irradiance, &fresh.irradiance)] {
+            assert!(difference(fresh, again) < 1e-3, "{}", difference(fresh, again));
+        }
+    }
+}
+
 #[test]
 fn new_materials_are_checked_like_the_first() {
     let mut scene = cube(materials([0.5, 0.5, 0.2], 1.0));

@@ -88,7 +88,7 @@ fn weighted_blocks<'a>(
         }
     }
     let matrices: Vec<Vec<f64>> = elements.iter().map(|element| reference_mass(element)).collect();
-    BlockDiagonal::new(space.offsets(), bands, &matrices, |band, cell| {
+    BlockDiagonal::new(space.offsets(), bands, matrices, |band, cell| {
         let (element, patch, weight) = (space.element(cell), scene.mesh.patch(cell), weight(cell, band));
         let kind = elements.iter().position(|known| std::ptr::eq(*known, element)).unwrap_or(0);
         match weight {

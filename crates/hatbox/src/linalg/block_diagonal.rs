@@ -1,6 +1,5 @@
 use super::{LinearOperator, MultiVector};
 use rayon::prelude::*;
-use std::collections::HashMap;
 use std::ops::Range;
 
 /// Blocks of a thread at the least.
@@ -16,7 +15,9 @@ pub struct BlockDiagonal {
     offsets: Vec<u32>,
     /// Rows of every block, where they are alike.
     size: Option<usize>,
-    bands: Vec<Multiples>,
+    /// Matrices that blocks share.
+    shared: Vec<Vec<f64>>,
+    bands: Vec<Blocks>,
 }
 
 /// What a block is made of.
@@ -29,50 +30,34 @@ pub enum DiagonalBlock {
 }
 
 /// The blocks of one band.
-#[derive(Debug, Clone, Default)]
-struct Multiples {
-    /// Different matrices.
-    matrices: Vec<Vec<f64>>,
-    /// For each block, the index of its matrix.
+#[derive(Debug, Clone)]
+struct Blocks {
+    /// For each block, the index of its matrix: of those that are shared first, then of those that blocks have for themselves.
     kinds: Vec<u32>,
     /// For each block, what that is multiplied by.
     factors: Vec<f64>,
+    /// Where the numbers of each of these start and the last ones end, and the numbers.
+    starts: Vec<usize>,
+    own: Vec<f64>,
 }
 
-impl Multiples {
-    fn push(&mut self, block: DiagonalBlock) {
+impl Blocks {
+    fn none() -> Self {
+        Self { kinds: Vec::new(), factors: Vec::new(), starts: vec![0], own: Vec::new() }
+    }
+
+    /// Adds a block, if so many matrices are shared.
+    fn push(&mut self, shared: usize, block: DiagonalBlock) {
         let (kind, factor) = match block {
             DiagonalBlock::Multiple(kind, factor) => (kind, factor),
             DiagonalBlock::Own(numbers) => {
-                self.matrices.push(numbers);
-                (self.matrices.len() - 1, 1.0)
+                self.own.extend(numbers);
+                self.starts.push(self.own.len());
+                (shared + self.starts.len() - 2, 1.0)
             }
         };
         self.kinds.push(kind as u32);
         self.factors.push(factor);
-    }
-
-    /// The matrix of a block, row by row, and its factor.
-    fn of(&self, block: usize) -> (&[f64], f64) {
-        (&self.matrices[self.kinds[block] as usize], self.factors[block])
-    }
-
-    fn product(&self, other: &Self) -> Self {
-        let mut product = Self::default();
-        let mut known: HashMap<[u32; 2], usize> = HashMap::new();
-        let mut last = ([u32::MAX; 2], 0);
-        for block in 0..self.kinds.len() {
-            let pair = [self.kinds[block], other.kinds[block]];
-            if pair != last.0 {
-                let kind = *known.entry(pair).or_insert_with(|| {
-                    product.matrices.push(multiplied(self.of(block).0, other.of(block).0));
-                    product.matrices.len() - 1
-                });
-                last = (pair, kind);
-            }
-            product.push(DiagonalBlock::Multiple(last.1, self.factors[block] * other.factors[block]));
-        }
-        product
     }
 }
 
@@ -85,26 +70,31 @@ impl BlockDiagonal {
     pub fn new(
         offsets: &[usize],
         bands: usize,
-        matrices: &[Vec<f64>],
+        matrices: Vec<Vec<f64>>,
         block: impl Fn(usize, usize) -> DiagonalBlock + Sync,
     ) -> Self {
         assert!(!offsets.is_empty(), "offsets end with the number of rows");
         let (count, sizes) = (offsets.len() - 1, || offsets.windows(2).map(|pair| pair[1] - pair[0]));
         let band = |band: usize| {
-            let mut blocks = Multiples { matrices: matrices.to_vec(), ..Multiples::default() };
+            let mut blocks = Blocks::none();
             // As many at a time as keep all threads at work: blocks wait as they are, and may be large.
             let at_once = LEAST_BLOCKS * rayon::current_num_threads();
             for first in (0..count).step_by(at_once) {
                 let some = first..(first + at_once).min(count);
                 let made: Vec<DiagonalBlock> = some.into_par_iter().map(|k| block(band, k)).collect();
-                made.into_iter().for_each(|block| blocks.push(block));
+                for block in made {
+                    blocks.push(matrices.len(), block);
+                }
             }
-            assert!(sizes().enumerate().all(|(k, n)| blocks.of(k).0.len() == n * n), "square blocks");
             blocks
         };
+        let bands: Vec<Blocks> = (0..bands).map(band).collect();
         let size = sizes().next().filter(|&first| sizes().all(|size| size == first));
-        let bands = (0..bands).map(band).collect();
-        Self { offsets: offsets.iter().map(|&offset| offset as u32).collect(), size, bands }
+        let offsets = offsets.iter().map(|&offset| offset as u32).collect();
+        let made = Self { offsets, size, shared: matrices, bands };
+        let square = |band| sizes().enumerate().all(|(k, n)| made.of(band, k).0.len() == n * n);
+        assert!((0..made.bands.len()).all(square), "square blocks");
+        made
     }
 
     /// The identity, with blocks whose rows start at `offsets`, the same for all bands.
@@ -113,9 +103,10 @@ impl BlockDiagonal {
     /// If `offsets` is empty.
     pub fn identity(offsets: &[usize]) -> Self {
         let identity = |n: usize| (0..n * n).map(|k| f64::from(u8::from(k % (n + 1) == 0))).collect();
-        let sizes: Vec<usize> = offsets.windows(2).map(|rows| rows[1] - rows[0]).collect();
-        let matrices: Vec<Vec<f64>> = (0..=sizes.iter().copied().max().unwrap_or(0)).map(identity).collect();
-        Self::new(offsets, 1, &matrices, |_, block| DiagonalBlock::Multiple(sizes[block], 1.0))
+        let size = |block: usize| offsets[block + 1] - offsets[block];
+        let most = (0..offsets.len().saturating_sub(1)).map(size).max().unwrap_or(0);
+        let matrices = (0..=most).map(identity).collect();
+        Self::new(offsets, 1, matrices, |_, block| DiagonalBlock::Multiple(size(block), 1.0))
     }
 
     /// Number of blocks.
@@ -125,20 +116,37 @@ impl BlockDiagonal {
 
     /// One block, row by row.
     pub fn block(&self, band: usize, block: usize) -> Vec<f64> {
-        let (matrix, factor) = self.band(band).of(block);
+        let (matrix, factor) = self.of(band, block);
         matrix.iter().map(|number| factor * number).collect()
     }
 
     /// The inverse; `None` if a block is not symmetric positive definite.
     pub fn inverse(&self) -> Option<Self> {
-        let mut inverse = self.clone();
-        for band in &mut inverse.bands {
-            band.matrices.par_iter_mut().try_for_each(|matrix| invert(matrix))?;
-            for factor in &mut band.factors {
-                *factor = (*factor > 0.0 && factor.is_finite()).then(|| 1.0 / *factor)?;
+        let inverted = |matrix: &Vec<f64>| {
+            let mut inverse = matrix.clone();
+            invert(&mut inverse).map(|()| inverse)
+        };
+        // One that no block uses may have none.
+        let shared: Vec<Option<Vec<f64>>> = self.shared.iter().map(inverted).collect();
+        let mut bands = self.bands.clone();
+        for band in &mut bands {
+            let used = |kind: &u32| shared.get(*kind as usize).is_none_or(Option::is_some);
+            let definite = |factor: &f64| *factor > 0.0 && factor.is_finite();
+            if !(band.kinds.iter().all(used) && band.factors.iter().all(definite)) {
+                return None;
             }
+            band.factors.iter_mut().for_each(|factor| *factor = 1.0 / *factor);
+            let mut rest = &mut band.own[..];
+            let mut places = Vec::with_capacity(band.starts.len());
+            for ends in band.starts.windows(2) {
+                let (place, after) = rest.split_at_mut(ends[1] - ends[0]);
+                places.push(place);
+                rest = after;
+            }
+            places.into_par_iter().try_for_each(invert)?;
         }
-        Some(inverse)
+        let shared = shared.into_iter().map(Option::unwrap_or_default).collect();
+        Some(Self { offsets: self.offsets.clone(), size: self.size, shared, bands })
     }
 
     /// The product with another of the same blocks; one set for all bands goes with each of several.
@@ -148,9 +156,16 @@ impl BlockDiagonal {
     #[must_use]
     pub fn product(&self, other: &Self) -> Self {
         assert_eq!(self.offsets, other.offsets, "blocks of the same sizes");
-        let bands = 0..self.bands.len().max(other.bands.len());
-        let bands = bands.into_par_iter().map(|band| self.band(band).product(other.band(band))).collect();
-        Self { offsets: self.offsets.clone(), size: self.size, bands }
+        let pairs = self.shared.iter().flat_map(|a| other.shared.iter().map(move |b| (a, b)));
+        let of_pair = |(a, b): (&Vec<f64>, &Vec<f64>)| if a.len() == b.len() { multiplied(a, b) } else { Vec::new() };
+        let bands = self.bands.len().max(other.bands.len());
+        Self::new(&self.starts_of_rows(), bands, pairs.map(of_pair).collect(), |band, block| {
+            let ((a, x), (b, y)) = (self.of(band, block), other.of(band, block));
+            match (self.shared_by(band, block), other.shared_by(band, block)) {
+                (Some(i), Some(j)) => DiagonalBlock::Multiple(i * other.shared.len() + j, x * y),
+                _ => DiagonalBlock::Own(multiplied(a, b).into_iter().map(|entry| x * y * entry).collect()),
+            }
+        })
     }
 
     /// The sum with another of the same blocks and as many bands; each block has numbers of its own then.
@@ -160,8 +175,7 @@ impl BlockDiagonal {
     #[must_use]
     pub fn plus(&self, other: &Self) -> Self {
         assert_eq!((&self.offsets, self.bands.len()), (&other.offsets, other.bands.len()), "blocks of the same sizes");
-        let offsets: Vec<usize> = self.offsets.iter().map(|&offset| offset as usize).collect();
-        Self::new(&offsets, self.bands.len(), &[], |band, block| {
+        Self::new(&self.starts_of_rows(), self.bands.len(), Vec::new(), |band, block| {
             let (a, b) = (self.block(band, block), other.block(band, block));
             DiagonalBlock::Own(a.iter().zip(b).map(|(a, b)| a + b).collect())
         })
@@ -171,7 +185,7 @@ impl BlockDiagonal {
     pub fn row(&self, band: usize, row: usize) -> (usize, impl Iterator<Item = f64> + '_) {
         let block = self.offsets.partition_point(|&offset| offset as usize <= row) - 1;
         let rows = self.rows_of(block);
-        let (matrix, factor) = self.band(band).of(block);
+        let (matrix, factor) = self.of(band, block);
         let place = (row - rows.start) * rows.len();
         (rows.start, matrix[place..place + rows.len()].iter().map(move |number| factor * number))
     }
@@ -179,15 +193,29 @@ impl BlockDiagonal {
     /// The entries as (row, column, value), for one band.
     pub fn triplets(&self, band: usize) -> impl Iterator<Item = (u32, u32, f64)> + '_ {
         (0..self.blocks()).flat_map(move |block| {
-            let (rows, (matrix, factor)) = (self.rows_of(block), self.band(band).of(block));
+            let (rows, (matrix, factor)) = (self.rows_of(block), self.of(band, block));
             let at = move |k: usize| (rows.start + k / rows.len(), rows.start + k % rows.len());
             let entry = move |(k, number): (usize, &f64)| (at(k).0 as u32, at(k).1 as u32, factor * number);
             matrix.iter().enumerate().map(entry)
         })
     }
 
-    fn band(&self, band: usize) -> &Multiples {
-        &self.bands[band.min(self.bands.len() - 1)]
+    /// The matrix of a block, row by row, and its factor.
+    fn of(&self, band: usize, block: usize) -> (&[f64], f64) {
+        let blocks = &self.bands[band.min(self.bands.len() - 1)];
+        let (kind, factor) = (blocks.kinds[block] as usize, blocks.factors[block]);
+        let own = |k: usize| &blocks.own[blocks.starts[k]..blocks.starts[k + 1]];
+        (self.shared.get(kind).map_or_else(|| own(kind - self.shared.len()), Vec::as_slice), factor)
+    }
+
+    /// The index of the matrix of a block, if others share it.
+    fn shared_by(&self, band: usize, block: usize) -> Option<usize> {
+        let kind = self.bands[band.min(self.bands.len() - 1)].kinds[block] as usize;
+        (kind < self.shared.len()).then_some(kind)
+    }
+
+    fn starts_of_rows(&self) -> Vec<usize> {
+        self.offsets.iter().map(|&offset| offset as usize).collect()
     }
 
     fn rows_of(&self, block: usize) -> Range<usize> {
@@ -197,7 +225,7 @@ impl BlockDiagonal {
     /// The rows of some blocks.
     fn apply_some(&self, band: usize, blocks: Range<usize>, x: &[f64], y: &mut [f64]) {
         let (start, end) = (self.offsets[blocks.start] as usize, self.offsets[blocks.end] as usize);
-        let (blocks, x) = (blocks.map(|block| self.band(band).of(block)), &x[start..end]);
+        let (blocks, x) = (blocks.map(|block| self.of(band, block)), &x[start..end]);
         match self.size {
             Some(1) => apply_alike::<1>(blocks, x, y),
             Some(3) => apply_alike::<3>(blocks, x, y),
@@ -304,7 +332,7 @@ mod tests {
             (0..n * n).map(|k| a[k] + a[k % n * n + k / n]).collect()
         };
         let matrices: Vec<Vec<f64>> = (0..4).map(|n| symmetric(n, 0.5)).collect();
-        BlockDiagonal::new(offsets, bands, &matrices, |band, block| {
+        BlockDiagonal::new(offsets, bands, matrices, |band, block| {
             if block % 2 == 0 {
                 DiagonalBlock::Multiple(size(block), 0.3 + band as f64)
             } else {
@@ -374,10 +402,11 @@ mod tests {
 
     #[test]
     fn what_is_not_positive_definite_has_no_inverse() {
-        let own = |numbers: [f64; 4]| BlockDiagonal::new(&[0, 2], 1, &[], |_, _| DiagonalBlock::Own(numbers.to_vec()));
+        let own =
+            |numbers: [f64; 4]| BlockDiagonal::new(&[0, 2], 1, Vec::new(), |_, _| DiagonalBlock::Own(numbers.to_vec()));
         assert!(own([1.0, 2.0, 2.0, 1.0]).inverse().is_none());
         for factor in [0.0, -1.0, f64::NAN] {
-            let zero = BlockDiagonal::new(&[0, 1], 1, &[vec![1.0]], |_, _| DiagonalBlock::Multiple(0, factor));
+            let zero = BlockDiagonal::new(&[0, 1], 1, vec![vec![1.0]], |_, _| DiagonalBlock::Multiple(0, factor));
             assert!(zero.inverse().is_none(), "{factor}");
         }
     }

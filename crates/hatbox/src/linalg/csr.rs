@@ -5,11 +5,11 @@ use std::ops::Range;
 /// Rows of a thread at the least.
 const LEAST_ROWS: usize = 1 << 13;
 
-/// A sparse matrix in compressed rows, of less than 2³² entries.
+/// A sparse matrix in compressed rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Csr {
     cols: usize,
-    offsets: Vec<u32>,
+    offsets: Vec<usize>,
     indices: Vec<u32>,
     values: Vec<f64>,
 }
@@ -52,7 +52,7 @@ impl Csr {
             assert!(row.last().is_none_or(|last| (last.0 as usize) < cols), "entry outside the matrix");
             matrix.indices.extend(row.iter().map(|entry| entry.0));
             matrix.values.extend(row.iter().map(|entry| entry.1));
-            matrix.offsets.push(matrix.values.len() as u32);
+            matrix.offsets.push(matrix.values.len());
         }
         matrix
     }
@@ -76,13 +76,13 @@ impl Csr {
     }
 
     fn range(&self, row: usize) -> Range<usize> {
-        self.offsets[row] as usize..self.offsets[row + 1] as usize
+        self.offsets[row]..self.offsets[row + 1]
     }
 
     /// The transpose.
     #[must_use]
     pub fn transpose(&self) -> Self {
-        let mut offsets = vec![0_u32; self.cols + 1];
+        let mut offsets = vec![0; self.cols + 1];
         for &col in &self.indices {
             offsets[col as usize + 1] += 1;
         }
@@ -93,7 +93,7 @@ impl Csr {
         let mut next = offsets.clone();
         for row in 0..self.rows() {
             for (col, value) in self.row(row) {
-                let place = next[col] as usize;
+                let place = next[col];
                 (indices[place], values[place]) = (row as u32, value);
                 next[col] += 1;
             }

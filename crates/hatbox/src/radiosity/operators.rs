@@ -132,7 +132,7 @@ impl LinearOperator for InverseMass<'_> {
     }
 }
 
-/// What arrives from a function: S C, or Cᵀ S C, a sixth of the numbers where triangles are joined.
+/// What arrives from a function: S C, or Cᵀ S C, where linear triangles are joined a sixth of the numbers.
 pub(super) struct Arriving<'a> {
     pub(super) join: &'a Join,
     pub(super) exchange: &'a dyn Exchange,
@@ -268,8 +268,10 @@ impl LinearOperator for Symmetric<'_> {
     }
 }
 
+/// Multiplies entry by entry; what has one band goes with any number of columns.
 fn multiply(x: &mut MultiVector, by: &MultiVector) {
-    for (x, b) in x.as_mut_slice().iter_mut().zip(by.as_slice()) {
-        *x *= b;
+    for band in 0..x.bands() {
+        let factors = by.band(band.min(by.bands() - 1));
+        x.band_mut(band).iter_mut().zip(factors).for_each(|(x, b)| *x *= b);
     }
 }

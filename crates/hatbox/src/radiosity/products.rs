@@ -1,7 +1,8 @@
 //! Products with S that were paid for once, and what other lamps and other paints make of them.
 //!
 //! S holds no material. Whoever has asked for S x₁, …, S x_k knows what *any* equation Δ − M_R Δ⁻¹ S makes of the functions
-//! Σ y_j x_j, at the price of a few vectors. The functions that a solver asks for (the emission, what it makes in one, two, …
+//! Σ y_j x_j, at the price of a few vectors. (Where no reflectance varies on an element, only the integrals of S x against the joined
+//! functions are asked for, and kept; a first texture then asks anew.) The functions that a solver asks for (the emission, what it makes in one, two, …
 //! reflections) are what other lights of the same scene are made of as well: lamps that are dimmed and walls that are
 //! painted leave hardly anything that a product has to be asked for. This is the recycling of Krylov spaces (M. Parks, E. de
 //! Sturler, G. Mackey, D. Johnson, S. Maiti 2006), for operators that share a factor instead of being close.

@@ -188,6 +188,9 @@ impl System {
     /// [`MaterialsError`] if their number or what their sides do would change, or one of them is not physical; the system
     /// is then as it was.
     ///
+    /// What is known of a sampled operator from earlier solutions is forgotten when the first reflectance that varies over an
+    /// element comes, or the last goes.
+    ///
     /// How finely shadows are sampled follows the lamps that the operator was built for; the estimated error of a solution
     /// tells whether that is good enough for the new ones.
     pub fn set_materials(&mut self, materials: Vec<Material>, continuity: Continuity) -> Result<(), MaterialsError> {

@@ -110,7 +110,7 @@ pub(super) struct Limits<'a> {
     pub(super) integrated: Option<&'a Matrix>,
 }
 
-/// Makes the rows sum to `targets`, in m², but to no more than their area.
+/// Makes the rows sum to `targets`, in m², which are no more than their areas.
 pub(super) fn close(
     matrix: &mut Matrix,
     surfaces: &[Surface],
@@ -120,9 +120,7 @@ pub(super) fn close(
     progress: &dyn Progress,
 ) -> Result<Closed, Interrupted> {
     let before = sums(matrix, surfaces);
-    // A row that nothing was seen to arrive from, but something does: then the sum is known better than the target.
-    let right = |(i, sum): (usize, f64)| if targets[i] > 0.0 { targets[i] / surfaces[i].area } else { sum.min(1.0) };
-    let targets: Vec<f64> = before.iter().copied().enumerate().map(right).collect();
+    let targets = targets.iter().zip(surfaces).map(|(target, surface)| target / surface.area).collect();
     let problem = Problem { surfaces, targets, before };
     let n = matrix.len();
     let gain = match method {

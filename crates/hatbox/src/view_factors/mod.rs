@@ -140,14 +140,15 @@ pub struct Surface {
     /// The measured fraction of its light that leaves the scene or ends on a side that receives none; 0 in a closed
     /// scene.
     pub escape: f64,
-    /// How far that may be wrong: three standard deviations of its rays; 0 in a closed scene, which is known to be one.
+    /// How far that may be wrong: three standard deviations of its rays; 0 where no ray of any surface got out, and the scene
+    /// passes for closed.
     pub escape_error: f64,
 }
 
 impl Surface {
     /// What a row is to sum to that sums to so much: what does not escape, as far as the rays know it.
     fn closed_sum(&self, sum: f64) -> f64 {
-        sum.clamp(1.0 - self.escape - self.escape_error, 1.0 - self.escape + self.escape_error)
+        sum.clamp(1.0 - self.escape - self.escape_error, 1.0 - self.escape + self.escape_error).min(1.0)
     }
 }
 
@@ -331,8 +332,8 @@ impl ViewFactors {
     }
 }
 
-/// What escapes from each element. A closure that aims at it needs it more accurately: low-discrepancy rays have an error
-/// of about n^(-3/4), which is to be below the tolerance.
+/// What escapes from each element. A closure that aims at it needs it more accurately: three standard deviations of the rays
+/// are not to exceed the tolerance, if [`MAX_ESCAPE_RAYS`] do for that.
 fn escapes(geometry: &Geometry<'_>, options: &Options, progress: &dyn Progress) -> Result<Escapes, Interrupted> {
     let cells = geometry.panels().len();
     let mut rays = 0;
@@ -341,7 +342,9 @@ fn escapes(geometry: &Geometry<'_>, options: &Options, progress: &dyn Progress) 
         return Ok(Escapes { errors: vec![0.0; cells], fractions });
     }
     if options.closure != ClosureMethodKind::None {
-        rays = options.tolerance.powf(-4.0 / 3.0).min(MAX_ESCAPE_RAYS / cells.max(1) as f64) as u32;
+        // The deviation of one ray is a half at the most.
+        let wanted = (exchange::scatter(0.5, 1.0) / options.tolerance).powi(2);
+        rays = wanted.min(MAX_ESCAPE_RAYS / cells.max(1) as f64) as u32;
         fractions = exchange::escapes(geometry, rays, options.seed, progress)?;
     }
     let count = f64::from(exchange::rays_per_cell(cells, rays));
@@ -387,5 +390,22 @@ impl Source<'_> {
             (known - reversed).abs() / known.max(a.area() * b.area() / self.accuracy.total_area)
         };
         check::greatest(seen.map(error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_is_to_sum_to_what_rays_do_not_contradict() {
+        let surface =
+            |escape, escape_error| Surface { name: String::new(), area: 2.0, emittance: 1.0, escape, escape_error };
+        let open = surface(0.3, 0.01);
+        for (sum, target) in [(0.7, 0.7), (0.705, 0.705), (0.65, 0.69), (0.72, 0.71)] {
+            assert!((open.closed_sum(sum) - target).abs() < 1e-15, "{sum}");
+        }
+        assert!((surface(0.0, 0.01).closed_sum(1.004) - 1.0).abs() < 1e-15, "no row has more than all");
+        assert!((surface(0.0, 0.0).closed_sum(0.97) - 1.0).abs() < 1e-15, "a closed scene");
     }
 }

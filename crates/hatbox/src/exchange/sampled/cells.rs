@@ -148,17 +148,17 @@ struct Map {
 }
 
 impl Map {
+    /// That of a cell without area is of no use, and asked of nothing: it reaches into no bin.
     fn new(grid: &Grid, patch: &Patch) -> Self {
         let last = if patch.shape() == Shape::Quad { 3 } else { 2 };
         let [a, b, c] = [0, 1, last].map(|k| grid.coordinates(patch.corners()[k]));
         let [[ux, uy], [vx, vy]] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1]]);
         let det = ux * vy - uy * vx;
-        let scale = if det == 0.0 { 0.0 } else { 1.0 / det };
-        let rows = [[vy, -vx], [-uy, ux]].map(|row| row.map(|entry| (scale * entry) as f32));
+        let rows = [[vy, -vx], [-uy, ux]].map(|row| row.map(|entry| (entry / det) as f32));
         Self { origin: a, rows }
     }
 
-    /// The reference coordinates of a point, to seven digits of the cell's size.
+    /// The reference coordinates of a point, to seven digits times the aspect ratio of the cell.
     fn of(&self, at: [f64; 2]) -> [f64; 2] {
         let [x, y] = [at[0] - self.origin[0], at[1] - self.origin[1]];
         self.rows.map(|[a, b]| f64::from(a) * x + f64::from(b) * y)
@@ -189,9 +189,15 @@ impl Locator {
         &self.cells[self.first[side] as usize..self.first[side + 1] as usize]
     }
 
-    /// The cell at a point of a side of a face, with the reference coordinates of the point; `None` if that side has no
+    /// The cell at a point of a side of a face, its shape, and the reference coordinates of the point; `None` if that side has no
     /// cells. A point between cells to rounding belongs to the nearest.
-    pub(super) fn find(&self, cells: &Cells, surface: u32, front: bool, point: DVec3) -> Option<(u32, [f64; 2])> {
+    pub(super) fn find(
+        &self,
+        cells: &Cells,
+        surface: u32,
+        front: bool,
+        point: DVec3,
+    ) -> Option<(u32, Shape, [f64; 2])> {
         let side = 2 * surface as usize + usize::from(!front);
         let on = self.on(side);
         let by_corners = |place: u32| {
@@ -209,7 +215,7 @@ impl Locator {
                 }
             }
         };
-        found.map(|(place, at)| (on[place as usize], at))
+        found.map(|(place, shape, at)| (on[place as usize], shape, at))
     }
 
     pub(super) fn bytes(&self) -> usize {
@@ -244,6 +250,9 @@ impl Grid {
             let patch = cells.patch(cell as usize);
             if patch.shape() == shape && patch.is_affine() {
                 maps.push(Map::new(&grid, &patch));
+            }
+            if patch.area() == 0.0 {
+                continue;
             }
             let bins = patch.corners().iter().map(|&p| grid.coordinates(p));
             // Rounding may put a point into the next bin.
@@ -282,21 +291,24 @@ fn surface_normal(surface: &Surface) -> DVec3 {
     surface.patch(DVec3::ZERO).normal()
 }
 
-/// The first of some places whose cell a point lies in, or the one that it lies nearest to, and the reference coordinates there.
+/// The first of some places whose cell a point lies in, or the one that it lies nearest to, with its shape and the reference coordinates there.
 #[inline]
-fn deepest(places: impl Iterator<Item = u32>, locate: impl Fn(u32) -> (Shape, [f64; 2])) -> Option<(u32, [f64; 2])> {
-    let mut best: Option<(f64, u32, [f64; 2])> = None;
+fn deepest(
+    places: impl Iterator<Item = u32>,
+    locate: impl Fn(u32) -> (Shape, [f64; 2]),
+) -> Option<(u32, Shape, [f64; 2])> {
+    let mut best: Option<(f64, u32, Shape, [f64; 2])> = None;
     for place in places {
         let (shape, at) = locate(place);
         let inside = depth(shape, at);
         if best.is_none_or(|(most, ..)| inside > most) {
-            best = Some((inside, place, at));
+            best = Some((inside, place, shape, at));
             if inside >= 0.0 {
                 break;
             }
         }
     }
-    best.map(|(_, place, at)| (place, at))
+    best.map(|(_, place, shape, at)| (place, shape, at))
 }
 
 /// How far inside the reference cell a point is; negative outside.
@@ -323,4 +335,47 @@ fn sorted(keys: usize, entries: impl Iterator<Item = (usize, u32)> + Clone) -> (
         next[key] += 1;
     }
     (first, list)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::element::ALL;
+    use crate::mesh::{Cell, Refinement};
+    use crate::scene::{Material, Physics};
+
+    /// A face in space: a slender rectangle, a parallelogram, a needle, and a trapezium, which has no affine map.
+    const FACES: [&[[f64; 2]]; 4] = [
+        &[[0.0, 0.0], [30.0, 0.0], [30.0, 0.2], [0.0, 0.2]],
+        &[[0.0, 0.0], [2.0, 0.5], [3.0, 1.5], [1.0, 1.0]],
+        &[[0.0, 0.0], [10.0, 0.01], [5.0, 0.02]],
+        &[[0.0, 0.0], [2.0, 0.0], [1.5, 1.0], [0.2, 1.0]],
+    ];
+
+    #[test]
+    fn a_map_finds_the_cell_and_the_place_that_its_corners_do() {
+        let (e1, e2) = (DVec3::new(0.6, 0.8, 0.0), DVec3::new(-0.48, 0.36, 0.8));
+        for (corners, basis) in FACES.iter().flat_map(|face| [(face, &ALL[0]), (face, &ALL[1])]) {
+            let at = |[x, y]: [f64; 2]| DVec3::new(100.0, -7.0, 3.0) + e1 * x + e2 * y;
+            let last = corners.len() - 1;
+            let shape = if last == 3 { Shape::Quad } else { Shape::Triangle };
+            let cell = Cell { shape, vertices: [0, 1, 2, last as u32], material: 0, group: 0, surface: 0 };
+            let (vertices, groups) = (corners.iter().map(|&p| at(p)).collect(), vec![String::new()]);
+            let mesh = Mesh { vertices, cells: vec![cell], groups, ..Mesh::default() };
+            let scene = Scene::new(mesh, vec![Material::diffuse("face", 0.5)], Physics::Light, None).expect("valid");
+            let scene = scene.refined(Refinement::Elements(300), basis).expect("refined");
+            let space = FunctionSpace::broken(&scene.mesh, basis).expect("elements");
+            let cells = Cells::new(&scene.mesh, &space);
+            let locator = Locator::new(&scene, &cells);
+            let affine = (0..cells.len()).all(|cell| cells.patch(cell).is_affine());
+            assert!(locator.grids.iter().all(|grid| grid.maps.is_some() == affine), "{corners:?}");
+            for cell in 0..cells.len() {
+                let middle = cells.patch(cell).center();
+                let (found, shape, at) = locator.find(&cells, 0, true, middle).expect("a cell");
+                assert_eq!((found as usize, shape), (cell, cells.element(cell).shape), "{corners:?}");
+                let exact = cells.locate(cell, middle);
+                assert!((0..2).all(|k| (at[k] - exact[k]).abs() < 1e-3), "{corners:?} {at:?} {exact:?}");
+            }
+        }
+    }
 }

@@ -89,14 +89,17 @@ impl Hits {
         self.spots.shrink_to_fit();
     }
 
-    /// Whether there is a hit for each bit, cell by cell.
-    fn is_consistent(&self) -> bool {
+    /// Whether there are as many cells as there should be, and a hit for each bit, cell by cell.
+    fn is(&self, expected: &Expected) -> bool {
         let counts =
             |cell: usize| self.arrived[cell * self.words..(cell + 1) * self.words].iter().map(|w| w.count_ones());
         let ends = self.ends.iter().scan(0, |end, &next| Some(next.checked_sub(std::mem::replace(end, next))));
-        self.arrived.len() == self.words * self.ends.len()
+        self.words == (expected.rays as usize).div_ceil(WORD)
+            && self.ends.len() == expected.kept
+            && self.arrived.len() == self.words * self.ends.len()
             && self.ends.last().copied().unwrap_or(0) as usize == self.cells.len()
             && self.cells.len() == self.spots.len()
+            && self.cells.iter().all(|&cell| Hit::from_parts(cell, 0).cell() < expected.all_cells)
             && ends.enumerate().all(|(cell, count)| count == Some(counts(cell).sum()))
     }
 
@@ -185,10 +188,12 @@ impl Received {
         size_of_val(&*self.ends) + size_of_val(&*self.lamps) + size_of_val(&*self.values)
     }
 
-    fn is_consistent(&self) -> bool {
-        self.ends.is_sorted()
+    fn is(&self, expected: &Expected) -> bool {
+        (self.width, self.ends.len()) == (expected.width, expected.cells)
+            && self.ends.is_sorted()
             && self.ends.last().copied().unwrap_or(0) as usize == self.lamps.len()
             && self.values.len() == self.width * self.lamps.len()
+            && self.lamps.iter().all(|&lamp| (lamp as usize) < expected.lamps)
     }
 }
 
@@ -230,17 +235,21 @@ impl Traced {
         for number in lengths.into_iter().chain(of_lamps).map(|length| length as u64).chain(numbers) {
             bytes.extend(number.to_le_bytes());
         }
-        arrived.iter().for_each(|word| bytes.extend(word.to_le_bytes()));
+        for word in arrived {
+            bytes.extend(word.to_le_bytes());
+        }
         for number in ends.iter().chain(cells).chain(&received.ends).chain(&received.lamps) {
             bytes.extend(number.to_le_bytes());
         }
-        received.values.iter().for_each(|value| bytes.extend(value.to_le_bytes()));
+        for value in &received.values {
+            bytes.extend(value.to_le_bytes());
+        }
         bytes.extend(spots);
         bytes
     }
 
-    /// What [`to_bytes`](Self::to_bytes) has made; `None` of anything else.
-    pub(super) fn from_bytes(bytes: &[u8]) -> Option<Self> {
+    /// What [`to_bytes`](Self::to_bytes) has made of such a chunk; `None` of anything else.
+    pub(super) fn from_bytes(bytes: &[u8], expected: &Expected) -> Option<Self> {
         let mut reader = Reader(bytes);
         let mut lengths = [0; 7];
         for length in &mut lengths {
@@ -255,14 +264,23 @@ impl Traced {
         let hits = Hits { words, arrived, ends, cells, spots: reader.list(hits, u8::from_le_bytes)? };
         let received = Received { width, ends: lit, lamps, values };
         let (area, lost) = (f64::from_bits(area?), f64::from_bits(lost?));
-        (reader.0.is_empty() && hits.is_consistent() && received.is_consistent()).then_some(Self {
-            hits,
-            received,
-            rays: rays?,
-            area,
-            lost,
-        })
+        let whole = reader.0.is_empty() && hits.is(expected) && received.is(expected);
+        whole.then_some(Self { hits, received, rays: rays?, area, lost })
     }
+}
+
+/// What the rays of a chunk are known to be.
+pub(super) struct Expected {
+    /// Number of its cells, and of those whose rays are kept.
+    pub(super) cells: usize,
+    pub(super) kept: usize,
+    /// Rays of a cell.
+    pub(super) rays: u32,
+    /// Most coefficients of a cell.
+    pub(super) width: usize,
+    /// Number of all cells, and of lamps.
+    pub(super) all_cells: usize,
+    pub(super) lamps: usize,
 }
 
 /// Bytes that are still to be read.
@@ -321,7 +339,9 @@ mod tests {
         let entry = |lamp: u32| Entry { lamp, values: std::array::from_fn(|k| (k as u32 + lamp) as f32) };
         let mut received = Received::new(3);
         let cells = [vec![], vec![entry(4), entry(1)], vec![], vec![entry(2)]];
-        cells.iter().for_each(|entries| received.push(entries));
+        for entries in &cells {
+            received.push(entries);
+        }
         for (cell, entries) in cells.iter().enumerate() {
             let found: Vec<_> = received.of(cell).iter().collect();
             let expected: Vec<_> = entries.iter().map(|entry| (entry.lamp as usize, &entry.values[..3])).collect();
@@ -331,17 +351,35 @@ mod tests {
 
     #[test]
     fn bytes_give_back_what_was_traced() {
-        let mut received = Received::new(2);
-        received.push(&[Entry { lamp: 3, values: [0.5; MAX_DOFS] }]);
-        let traced = Traced { hits: hits(), received, rays: 77, area: 0.1, lost: 0.3 };
-        let bytes = traced.to_bytes();
-        assert_eq!(Traced::from_bytes(&bytes), Some(traced));
-        assert_eq!(Traced::from_bytes(&bytes[1..]), None);
-        assert_eq!(Traced::from_bytes(&[]), None);
+        let lit = || {
+            let mut received = Received::new(2);
+            (0..4).for_each(|lamp| received.push(&[Entry { lamp, values: [0.5; MAX_DOFS] }]));
+            received
+        };
+        let of = |hits: Hits, received: Received| Traced { hits, received, rays: 77, area: 0.1, lost: 0.3 };
+        let expected = || Expected { cells: 4, kept: 4, rays: 130, width: 2, all_cells: 4000, lamps: 4 };
+        let bytes = of(hits(), lit()).to_bytes();
+        assert_eq!(Traced::from_bytes(&bytes, &expected()), Some(of(hits(), lit())));
+        for part in [&bytes[1..], &bytes[..bytes.len() - 1], &[]] {
+            assert_eq!(Traced::from_bytes(part, &expected()), None);
+        }
+        let others = [
+            Expected { cells: 5, ..expected() },
+            Expected { kept: 0, ..expected() },
+            Expected { rays: 64, ..expected() },
+            Expected { width: 3, ..expected() },
+            Expected { all_cells: 3000, ..expected() },
+            Expected { lamps: 3, ..expected() },
+        ];
+        for (k, other) in others.iter().enumerate() {
+            assert_eq!(Traced::from_bytes(&bytes, other), None, "{k}");
+        }
         let mut broken = hits();
         broken.arrived[0] ^= 1 << 5;
-        let broken = Traced { hits: broken, received: Received::default(), rays: 0, area: 0.0, lost: 0.0 };
-        assert_eq!(Traced::from_bytes(&broken.to_bytes()), None, "a hit for each bit");
+        assert_eq!(Traced::from_bytes(&of(broken, lit()).to_bytes(), &expected()), None, "a hit for each bit");
+        let mut narrow = bytes;
+        narrow[32..40].fill(0);
+        assert_eq!(Traced::from_bytes(&narrow, &expected()), None, "no coefficients");
     }
 
     #[test]

@@ -112,6 +112,11 @@ impl Lamps {
         self.of_cell.get(&(cell as u32)).map(|&lamp| lamp as usize)
     }
 
+    /// Number of lamps.
+    pub(super) fn len(&self) -> usize {
+        self.all.len()
+    }
+
     /// The means over each lamp of a function, for every band, if `value` has its coefficients by number and band.
     pub(super) fn means(&self, cells: &Cells, bands: usize, value: impl Fn(usize, usize) -> f64) -> Vec<f64> {
         let mut means = Vec::with_capacity(self.all.len() * bands);

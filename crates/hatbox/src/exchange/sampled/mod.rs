@@ -43,7 +43,7 @@ use crate::quadrature::sequence::{hash, point, unit};
 pub(super) use cells::Cells;
 use cells::Locator;
 use fit::{Matrix, Take, add_outer, factor, mean_mass, solve, variance};
-use kept::{Hits, Received, Traced};
+use kept::{Expected, Hits, Received, Traced};
 use lamps::{Lamps, Receivers};
 use rayon::prelude::*;
 use rays::{Frame, Hit, Points, Tracer};
@@ -182,7 +182,8 @@ impl Sampled {
             if progress.interrupted() {
                 return Err(Interrupted);
             }
-            let known = progress.recall(chunk as u64).and_then(|bytes| Traced::from_bytes(&bytes));
+            let expected = self.expected(chunk, keep);
+            let known = progress.recall(chunk as u64).and_then(|bytes| Traced::from_bytes(&bytes, &expected));
             let traced = known.unwrap_or_else(|| {
                 let traced = self.trace(chunk, chunk < keep);
                 if progress.keeps() {
@@ -217,6 +218,24 @@ impl Sampled {
 
     fn chunk(&self, chunk: usize) -> std::ops::Range<usize> {
         chunk * CHUNK..((chunk + 1) * CHUNK).min(self.cells.len())
+    }
+
+    /// Most coefficients of a cell.
+    fn width(&self) -> usize {
+        self.tables.iter().map(|table| table.element.dofs()).max().unwrap_or(0)
+    }
+
+    /// What a chunk is known to be, if the rays of the first `keep` are kept.
+    fn expected(&self, chunk: usize, keep: usize) -> Expected {
+        let cells = self.chunk(chunk).len();
+        Expected {
+            cells,
+            kept: if chunk < keep { cells } else { 0 },
+            rays: self.rays,
+            width: self.width(),
+            all_cells: self.cells.len(),
+            lamps: self.lamps.len(),
+        }
     }
 
     fn table(&self, cell: usize) -> &Table {
@@ -265,7 +284,7 @@ impl Sampled {
     fn trace(&self, chunk: usize, keep: bool) -> Traced {
         let k = self.rays as usize;
         let (mut kept, mut hits) = (Hits::new(self.rays), vec![Hit::LOST; k]);
-        let mut received = Received::new(self.tables.iter().map(|table| table.element.dofs()).max().unwrap_or(0));
+        let mut received = Received::new(self.width());
         let (mut rays, mut area, mut lost) = (0, 0.0, 0.0);
         let budget = (self.rays / LAMP_SHARE).max(LEAST_LAMP_RAYS);
         for cell in self.chunk(chunk) {
@@ -378,8 +397,8 @@ impl Exchange for Sampled {
 
     fn apply_joined(&self, c: &Csr, transpose: &Csr, x: &MultiVector, y: &mut MultiVector) {
         self.apply_joined_by_rays(c, x, y);
-        if let Some(linked) = self.links.is_some().then(|| self.through_links(&c.times(x))).flatten() {
-            y.add_scaled(1.0, &transpose.times(&linked));
+        if let Some(links) = &self.links {
+            y.add_scaled(1.0, &transpose.times(&links.apply(&self.cells, &c.times(x))));
         }
     }
 

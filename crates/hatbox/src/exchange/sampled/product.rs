@@ -19,7 +19,7 @@ use super::kept::{Ended, Hits, Lit, Run, set_bits};
 use super::rays::Hit;
 use super::spots::Spots;
 use super::{CHUNK, Sampled, Table};
-use crate::element::{MAX_DOFS, Shape};
+use crate::element::MAX_DOFS;
 use crate::linalg::{Csr, LinearOperator, MultiVector};
 use crate::mesh::Patch;
 use crate::visibility::Pages;
@@ -195,21 +195,21 @@ impl Sampled {
     /// [`row`](Self::row) with loops of known length, where there are.
     fn row_for(&self, bands: usize) -> Row {
         let [table] = &self.tables[..] else { return Self::row::<0, 0> };
-        match (table.element.dofs(), table.element.shape, bands) {
-            (1, _, 1) => Self::row::<1, 1>,
-            (1, _, 3) => Self::row::<1, 3>,
-            (1, ..) => Self::row::<1, 0>,
-            (3, Shape::Triangle, 1) => Self::row::<3, 1>,
-            (3, Shape::Triangle, 3) => Self::row::<3, 3>,
-            (3, Shape::Triangle, _) => Self::row::<3, 0>,
-            (4, _, 3) => Self::row::<4, 3>,
-            (6, _, 3) => Self::row::<6, 3>,
+        match (table.element.dofs(), bands) {
+            (1, 1) => Self::row::<1, 1>,
+            (1, 3) => Self::row::<1, 3>,
+            (1, _) => Self::row::<1, 0>,
+            (3, 1) => Self::row::<3, 1>,
+            (3, 3) => Self::row::<3, 3>,
+            (3, _) => Self::row::<3, 0>,
+            (4, 3) => Self::row::<4, 3>,
+            (6, 3) => Self::row::<6, 3>,
             _ => Self::row::<0, 0>,
         }
     }
 
-    /// The rows of one cell: `work.result` = Δ e. If N is not 0, all cells have one element of N functions, and triangles if
-    /// N is 3; if B is not 0, there are B bands.
+    /// The rows of one cell: `work.result` = Δ e. If N is not 0, all cells have one element of N functions; if B is not 0,
+    /// there are B bands.
     fn row<const N: usize, const B: usize>(
         &self,
         cell: usize,
@@ -452,7 +452,7 @@ fn met(ended: Ended<'_>, taken: Range<usize>) -> (bool, bool) {
         if hits.iter().any(|hit| !hit.is_lamp() && !hit.is_linked()) {
             return (true, false);
         }
-        among_lamps &= hits.iter().all(|hit| hit.is_lamp());
+        among_lamps &= hits.iter().all(Hit::is_lamp);
     }
     (arrived < wanted, arrived == wanted && among_lamps)
 }

@@ -153,10 +153,7 @@ impl Tracer {
         };
         let point = origin + direction * hit.t;
         match self.locator.find(cells, hit.id, hit.front, point) {
-            Some((cell, at)) => {
-                let shape = cells.element(cell as usize).shape;
-                Hit::new(cell, spot(shape, at), self.is_lamp(cell as usize))
-            }
+            Some((cell, shape, at)) => Hit::new(cell, spot(shape, at), self.is_lamp(cell as usize)),
             None => Hit::LOST,
         }
     }

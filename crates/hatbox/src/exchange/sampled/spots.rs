@@ -1,9 +1,8 @@
 //! Where in a cell a ray ended, in one byte: 256 parts of the reference cell, all of one size.
 //!
 //! What a ray brings back are the means of the functions over its part. They are exact for constants, and right in the
-//! mean for all functions, since rays end anywhere in a part; what single rays miss is a few hundredths of what the function
-//! varies by within the cell, and averages out over the rays. Four bytes for coordinates to 1/65536 were no better, and
-//! operators are made of little else than ends of rays.
+//! mean for all functions where rays end anywhere in a part; what single rays miss is some hundredths of what the function
+//! varies by within the cell, and most of that averages out over the rays. Operators are made of little else than ends of rays.
 
 use crate::element::{Element, Shape};
 use crate::quadrature::rule;
@@ -119,14 +118,15 @@ mod tests {
     #[test]
     fn points_on_the_rim_and_beyond_have_a_part() {
         for shape in Shape::ALL {
-            for at in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [-1e-9, 0.3], [1.0 + 1e-9, -0.1], [0.7, 0.4]] {
-                let inside = match shape {
-                    Shape::Quad => usize::from(spot(shape, at)) < SPOTS,
-                    Shape::Triangle => usize::from(spot(shape, at)) < SPOTS && spot(shape, [1.0, 0.0]) == 255,
-                };
-                assert!(inside, "{shape:?} {at:?}");
+            // A point outside, and one inside the part that is nearest to it.
+            let beyond = [([-1e-9, 0.31], [0.01, 0.3]), ([1.1, -0.1], [0.95, 0.01]), ([-0.2, 1.01], [0.01, 0.95])];
+            for (outside, inside) in beyond {
+                assert_eq!(spot(shape, outside), spot(shape, inside), "{shape:?} {outside:?}");
             }
         }
-        assert_eq!(spot(Shape::Triangle, [0.0, 1.0]), 30, "the end of the first strip");
+        assert_eq!([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]].map(|at| spot(Shape::Triangle, at)), [0, 30, 255]);
+        assert_eq!([[0.0, 0.0], [0.0, 1.0], [1.0, 1.0]].map(|at| spot(Shape::Quad, at)), [0, 15, 255]);
+        // Across the diagonal of a triangle, as rounding may put it.
+        assert_eq!(spot(Shape::Triangle, [0.5 + 1e-12, 0.5]), spot(Shape::Triangle, [0.51, 0.48]));
     }
 }
