@@ -85,12 +85,12 @@ impl MultiVector {
 
     /// `Σ_i self_i other_i` for each band.
     pub fn dot(&self, other: &Self) -> Vec<f64> {
-        self.iter_bands().zip(other.iter_bands()).map(|(a, b)| dot(a, b)).collect()
+        (0..self.bands).into_par_iter().map(|band| dot(self.band(band), other.band(band))).collect()
     }
 
     /// The Euclidean norm of each band.
     pub fn norms(&self) -> Vec<f64> {
-        self.iter_bands().map(|band| dot(band, band).sqrt()).collect()
+        self.dot(self).into_iter().map(f64::sqrt).collect()
     }
 }
 

@@ -9,6 +9,9 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
 
+/// Rows of a thread at the least.
+const LEAST_ROWS: usize = 1 << 15;
+
 /// C, Cᵀ and CᵀΔC; where nothing is joined, C is the identity.
 #[derive(Clone)]
 pub(super) struct Join {
@@ -176,14 +179,13 @@ pub(super) struct Transport<'a> {
 
 impl Transport<'_> {
     /// F̂ x from what arrives of x.
-    pub(super) fn of(&self, seen: &MultiVector) -> MultiVector {
+    pub(super) fn of(&self, mut seen: MultiVector) -> MultiVector {
         match self.reflection {
             Reflection::Joined(reflectance) => {
-                let mut reflected = seen.clone();
-                multiply(&mut reflected, reflectance);
-                reflected
+                multiply(&mut seen, reflectance);
+                seen
             }
-            Reflection::Broken(blocks) => self.join.collect(blocks.times(seen)),
+            Reflection::Broken(blocks) => self.join.collect(blocks.times(&seen)),
         }
     }
 }
@@ -196,7 +198,7 @@ impl LinearOperator for Transport<'_> {
         self.rows()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        *y = self.of(&self.seen.times(x));
+        *y = self.of(self.seen.times(x));
     }
 }
 
@@ -208,7 +210,7 @@ pub(super) struct Equation<'a> {
 
 impl Equation<'_> {
     /// Δ x − F̂ x from x and what arrives of it.
-    pub(super) fn of(&self, x: &MultiVector, seen: &MultiVector) -> MultiVector {
+    pub(super) fn of(&self, x: &MultiVector, seen: MultiVector) -> MultiVector {
         let mut y = self.mass.times(x);
         y.add_scaled(-1.0, &self.transport.of(seen));
         y
@@ -272,6 +274,6 @@ impl LinearOperator for Symmetric<'_> {
 fn multiply(x: &mut MultiVector, by: &MultiVector) {
     for band in 0..x.bands() {
         let factors = by.band(band.min(by.bands() - 1));
-        x.band_mut(band).iter_mut().zip(factors).for_each(|(x, b)| *x *= b);
+        x.band_mut(band).par_iter_mut().zip(factors).with_min_len(LEAST_ROWS).for_each(|(x, b)| *x *= b);
     }
 }

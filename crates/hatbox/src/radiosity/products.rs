@@ -102,7 +102,7 @@ impl Products {
     /// The combination of what is known that solves an equation best, if any is known.
     pub(super) fn best(&self, equation: &Equation<'_>, right_side: &MultiVector) -> Option<Part> {
         let bands = right_side.bands();
-        let of = |product: &Arc<Product>| equation.of(&double(&product.x, bands), &double(&product.image, bands));
+        let of = |product: &Arc<Product>| equation.of(&double(&product.x, bands), double(&product.image, bands));
         let columns: Vec<MultiVector> = self.of_bands(bands).map(of).collect();
         let mut y = fit(&columns, right_side);
         let (norms, goal): (Vec<Vec<f64>>, Vec<f64>) =

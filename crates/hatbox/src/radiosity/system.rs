@@ -371,10 +371,10 @@ impl System {
         let equation = Equation { mass: self.joined_mass(), transport };
         let mut b = self.inverse_mass().times(&self.join.collect(load.clone()));
         let mut arrived = known.image_of(&b).unwrap_or_else(|| seen.times(&b));
-        let first = transport.of(&arrived);
+        let first = transport.of(arrived.clone());
         let mut rest = first.clone();
         if let Some(Part { x, image }) = known.best(&equation, &first) {
-            rest.add_scaled(-1.0, &equation.of(&x, &image));
+            rest.add_scaled(-1.0, &equation.of(&x, image.clone()));
             b.add_scaled(1.0, &x);
             arrived.add_scaled(1.0, &image);
         }
