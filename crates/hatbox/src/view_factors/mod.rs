@@ -42,8 +42,8 @@ const BLOCK: usize = 32;
 const BLOCKS: usize = 2;
 /// So many pairs are integrated a second time, the other way round.
 const REVERSED: u64 = 32;
-/// The most rays that measure what escapes when a closure needs it, unless there are very many elements.
-const MAX_ESCAPE_RAYS: f64 = 2e7;
+/// The most rays that measure what escapes when a closure needs it, unless there are very many elements: some seconds.
+const MAX_ESCAPE_RAYS: f64 = 4e6;
 
 /// Between what view factors are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

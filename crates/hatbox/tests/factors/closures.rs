@@ -99,7 +99,7 @@ fn a_closure_leaves_rows_alone_that_rays_do_not_contradict() {
         for (i, (row, surface)) in found.check().rows.iter().zip(&found.surfaces).enumerate() {
             // Rays would move it, if they were believed.
             assert!(row.closure_error != 0.0 && row.closure_error.abs() < surface.escape_error);
-            assert!(surface.escape_error < 1.1e-3, "as good as the tolerance, for rows that see some of the opening");
+            assert!(surface.escape_error < 2e-3, "what 800 000 rays know");
             assert!(found.row(i).zip(raw.row(i)).all(|(after, before)| after.to_bits() == before.to_bits()), "row {i}");
         }
         // The integrals are better than the rays, whose scatter is 2e-3.
