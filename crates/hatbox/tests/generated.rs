@@ -6,6 +6,7 @@ mod kinds;
 use hatbox::check::Lighting;
 use hatbox::exchange::{self, Problem};
 use hatbox::io::read_scene;
+use hatbox::linalg::{LinearOperator, MultiVector};
 use hatbox::mesh::Refinement;
 use hatbox::progress::Silent;
 use hatbox::radiosity::{Options, solve};
@@ -88,5 +89,33 @@ fn rays_are_chosen_where_much_is_partly_hidden() {
         let (kind, why) = chosen(scene, elements, memory, strength);
         assert_eq!(kind.name, expected, "{elements} {memory}: {why}");
         assert!(why.contains(word), "{why}");
+    }
+}
+
+/// Shadows of a sun have hard borders, which pass through facets between the few points at which lamps are integrated: what
+/// rays err by there falls with the tolerance as elsewhere.
+#[test]
+fn borders_of_shadows_within_elements_are_seen_by_rays() {
+    let terrain = scene(kinds::ALL.iter().find(|kind| kind.name == "terrain").expect("a kind"), 690).0;
+    let solved = |operator: &str, tolerance: f64| {
+        let operator = exchange::kind(operator).expect("a kind");
+        let (refinement, error_points) = (Refinement::None, 0);
+        let options = Options { operator, refinement, tolerance, error_points, ..Options::default() };
+        solve(&terrain, &options, &Silent).expect("solved").solution
+    };
+    let exact = solved(exchange::Dense::NAME, 1e-3);
+    let mass = hatbox::assemble::mass(&exact.scene, &exact.space);
+    let dark = |cell: usize| exact.scene.material(cell).exitance.is_zero();
+    for kind in [exchange::Sampled::NAME, exchange::Hierarchical::NAME] {
+        let mut difference = solved(kind, 0.006).radiosity;
+        difference.add_scaled(-1.0, &exact.radiosity);
+        let square = |function: &MultiVector| -> f64 {
+            let weighted = mass.times(function);
+            let cells = (0..exact.space.cells()).filter(|&cell| dark(cell));
+            cells.flat_map(|cell| exact.space.range(cell)).map(|k| function.band(0)[k] * weighted.band(0)[k]).sum()
+        };
+        let error = (square(&difference) / square(&exact.radiosity)).sqrt();
+        // The points of a rule alone do not get there, with any number of rays.
+        assert!(error < 0.003, "{kind}: {error}");
     }
 }

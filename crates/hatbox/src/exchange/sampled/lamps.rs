@@ -7,6 +7,11 @@
 //! The points of a cell take neighbouring parts of one net of places on a lamp, and so do cells that are neighbours: what
 //! joins them averages half-shadows over a finer net.
 //!
+//! Where the border of a shadow passes through a cell, those few points say too little, however many rays they send: some
+//! percent of error stayed on coarse meshes, whatever was asked for. There the lamp is looked at from all points that the cell's
+//! own rays start from, by a ray each, so that its error falls with theirs. A quarter of those points are asked whether the rule has
+//! missed something.
+//!
 //! A point has a budget of shadow rays, shared among the lamps by how much they can give at most; a lamp whose share is
 //! less than one ray gets one with that probability, and counts accordingly more. Who does is not decided for each lamp on
 //! its own: the shares are laid end to end, and a comb is laid over them, so that of lamps that are near each other the right
@@ -17,15 +22,16 @@
 //! ceiling of a room that glows as a whole is one: of a closed room each wall is about a sixth.
 
 use super::cells::Cells;
-use super::fit::{factor, mean_mass, solve};
+use super::fit::{Matrix, factor, mean_mass, solve};
 use super::lamp_tree::{Bulb, CUT, Chosen, LampTree};
-use super::rays::Tracer;
+use super::rays::{Points, Tracer};
 use crate::assemble::{Panel, point_row};
 use crate::element::{ALL, Element, MAX_DOFS};
 use crate::exchange::{Geometry, Params};
 use crate::kernel::geometric;
+use crate::mesh::Patch;
+use crate::quadrature::rule;
 use crate::quadrature::sequence::{hash, point, unit};
-use crate::quadrature::{Rule, rule};
 use crate::visibility::{Bvh, Visibility};
 use arrayvec::ArrayVec;
 use glam::DVec3;
@@ -39,6 +45,8 @@ const STRONG: f64 = 2.0;
 const WIDE: [f64; 2] = [0.2, 0.05];
 /// A lamp that is partly hidden gets so many times more rays.
 const MORE: u32 = 4;
+/// Lamps that a cell looks at from all of its points, at the most.
+const MOST_MIXED: usize = 4;
 /// Points of a rule at the most: cells of all elements have so many parts of a lamp's net.
 const MOST_POINTS: u32 = 16;
 /// A ray stands for at most so many rays that were not cast.
@@ -73,23 +81,38 @@ pub(super) struct Entry {
 /// Where lamps are looked at from, on the cells of one element.
 #[derive(Debug)]
 pub(super) struct Receivers {
-    rule: &'static Rule,
-    /// For each point of the rule, what it adds to each coefficient.
+    /// The points of a rule, and those that rays start from.
+    rule: Weighted,
+    net: Weighted,
+}
+
+/// Points of the reference cell.
+#[derive(Debug)]
+struct Weighted {
+    points: Vec<[f64; 2]>,
+    /// For each point, what it adds to each coefficient.
     weights: Vec<[f64; MAX_DOFS]>,
 }
 
 impl Receivers {
-    pub(super) fn new(element: &'static Element) -> Self {
+    /// `net` are the points that rays start from, `factor_of_net` the factor of their Gram matrix.
+    pub(super) fn new(element: &'static Element, net: &Points, factor_of_net: &Matrix) -> Self {
         // Two degrees more than the product of two functions: shadows have edges.
         let rule = rule(element.shape, 2 * element.degree + 2);
         let n = element.dofs();
         let l = factor(mean_mass(element, None), n);
-        let weigh = |(&at, weight): (&[f64; 2], &f64)| {
-            let mut column = element.values(at).map(|value| value * weight);
-            solve(&l, n, 1, &mut column[..n]);
+        let weigh = |at: [f64; 2], weight: f64, l: &Matrix| {
+            let mut column = element.values(at).map(|value: f64| value * weight);
+            solve(l, n, 1, &mut column[..n]);
             column
         };
-        Self { rule, weights: rule.points.iter().zip(&rule.weights).map(weigh).collect() }
+        let of_rule = rule.points.iter().zip(&rule.weights).map(|(&at, &weight)| weigh(at, weight, &l)).collect();
+        let share = 1.0 / net.at.len() as f64;
+        let of_net = net.at.iter().map(|&at| weigh(at, share, factor_of_net)).collect();
+        Self {
+            rule: Weighted { points: rule.points.clone(), weights: of_rule },
+            net: Weighted { points: net.at.clone(), weights: of_net },
+        }
     }
 }
 
@@ -143,27 +166,72 @@ impl Lamps {
         let patch = cells.patch(cell);
         let n = cells.element(cell).dofs();
         let start = tracer.block_of(cell).wrapping_mul(MOST_POINTS);
-        let (mut rays, n_patch) = (0, patch.normal());
+        let (mut rays, normal) = (0, patch.normal());
         let radius = patch.corners().iter().map(|corner| corner.distance(patch.center())).fold(0.0, f64::max);
-        let asked = self.tree.cut(patch.center(), radius, n_patch);
-        let mut found: Vec<Entry> = Vec::new();
-        for (q, (&at, weights)) in receivers.rule.points.iter().zip(&receivers.weights).enumerate() {
+        let asked = self.tree.cut(patch.center(), radius, normal);
+        let mut found: Vec<View> = Vec::new();
+        for (q, (&at, weights)) in receivers.rule.points.iter().zip(&receivers.rule.weights).enumerate() {
             let draw = Draw { net: self.seed, part: start.wrapping_add(q as u32) };
-            let x = (patch.point(at), n_patch, cells.surface(cell));
-            rays += self.at_point(x, &asked, budget, draw, &tracer.blockers, |lamp, value| {
-                let index = found.iter().position(|entry| entry.lamp == lamp).unwrap_or_else(|| {
-                    found.push(Entry { lamp, values: [0.0; MAX_DOFS] });
+            let x = (patch.point(at), normal, cells.surface(cell));
+            rays += self.at_point(x, &asked, budget, draw, &tracer.blockers, |lamp, look, times| {
+                let index = found.iter().position(|view| view.lamp == lamp).unwrap_or_else(|| {
+                    found.push(View::new(lamp));
                     found.len() - 1
                 });
-                for (entry, weight) in found[index].values[..n].iter_mut().zip(weights) {
-                    *entry += (weight * value) as f32;
-                }
+                found[index].add(look, times, &weights[..n]);
             });
         }
-        (found, rays)
+        let net =
+            Net { points: &receivers.net, cell: &patch, surface: cells.surface(cell), block: tracer.block_of(cell) };
+        let mixed =
+            |view: &&mut View| view.for_itself && (view.is_mixed() || self.is_mixed_between(view, &net, tracer));
+        for view in found.iter_mut().filter(mixed).take(MOST_MIXED) {
+            rays += self.look_from_all(view, &net, n, tracer);
+        }
+        found.retain(|view| view.most > 0.0);
+        (found.iter().map(View::entry).collect(), rays)
     }
 
-    /// Calls `give` with each lamp that a point with a normal on a surface sees, and ∫G V over the lamp.
+    /// Whether a lamp that the points of the rule see whole, or not at all, is seen otherwise by some of the points that rays start
+    /// from; a quarter of them are asked.
+    fn is_mixed_between(&self, view: &View, net: &Net<'_>, tracer: &Tracer) -> bool {
+        let lamp = &self.all[view.lamp as usize];
+        (0..net.points.points.len() / 4).any(|q| {
+            let (from, first) = (net.from(q), net.part(q));
+            let mut sight = Sight {
+                from,
+                lamp,
+                net: self.seed_of_net(view.lamp),
+                first,
+                blockers: &tracer.blockers,
+                cast: 0,
+                seen: 0.0,
+                all: 0.0,
+            };
+            sight.cast_to(1);
+            sight.all > 0.0 && (sight.seen > 0.0) != (view.most > 0.0)
+        })
+    }
+
+    /// Has a cell look at a lamp from all points that its rays start from, by a ray each; gives the number of rays.
+    fn look_from_all(&self, view: &mut View, net: &Net<'_>, dofs: usize, tracer: &Tracer) -> u64 {
+        let mut rays = 0;
+        view.values = [0.0; MAX_DOFS];
+        for (q, weights) in net.points.weights.iter().enumerate() {
+            let draw = Draw { net: hash(self.seed, 1), part: net.part(q) };
+            let look = self.look(net.from(q), view.lamp, 1.0, draw, &tracer.blockers);
+            rays += u64::from(look.cast);
+            view.add(&look, 1.0, &weights[..dofs]);
+        }
+        rays
+    }
+
+    fn seed_of_net(&self, lamp: u32) -> u64 {
+        hash(hash(self.seed, 1), u64::from(lamp))
+    }
+
+    /// Calls `give` with each lamp that is asked by a point with a normal on a surface, how the point sees it, and how many
+    /// lamps it stands for.
     fn at_point(
         &self,
         (x, n, surface): (DVec3, DVec3, u32),
@@ -171,7 +239,7 @@ impl Lamps {
         budget: u32,
         draw: Draw,
         blockers: &Bvh,
-        mut give: impl FnMut(u32, f64),
+        mut give: impl FnMut(u32, &Look, f64),
     ) -> u64 {
         // Who stands for a node is drawn before its share is known: a lamp may be much nearer than the middle of its node.
         let choose = |&node: &u32| {
@@ -187,20 +255,18 @@ impl Lamps {
             let share = f64::from(budget) * most / total;
             let chance = share.clamp(ROULETTE, 1.0);
             if comb.meets(chance) {
-                let (seen, cast) = self.look((x, n, surface), lamp, share, draw, blockers);
-                rays += u64::from(cast);
-                if seen > 0.0 {
-                    give(lamp, times * seen / chance);
-                }
+                let look = self.look((x, n, surface), lamp, share, draw, blockers);
+                rays += u64::from(look.cast);
+                give(lamp, &look, times / chance);
             }
         }
         rays
     }
 
-    /// ∫G V over a lamp at a point with a normal on a surface, and the number of rays that were cast: about `share`.
-    fn look(&self, (x, n, surface): (DVec3, DVec3, u32), k: u32, share: f64, draw: Draw, blockers: &Bvh) -> (f64, u32) {
+    /// How a point with a normal on a surface sees a lamp, by about `share` rays.
+    fn look(&self, (x, n, surface): (DVec3, DVec3, u32), k: u32, share: f64, draw: Draw, blockers: &Bvh) -> Look {
         let lamp = &self.all[k as usize];
-        let Some(whole) = point_row(&lamp.panel, x, n) else { return (0.0, 0) };
+        let Some(whole) = point_row(&lamp.panel, x, n) else { return Look { seen: 0.0, share: None, cast: 0 } };
         let rays = (share.ceil().max(1.0) as u32).next_power_of_two();
         let (net, first) = (hash(draw.net, u64::from(k)), draw.part.wrapping_mul(MORE * rays));
         let mut sight = Sight { from: (x, n, surface), lamp, net, first, blockers, cast: 0, seen: 0.0, all: 0.0 };
@@ -208,7 +274,8 @@ impl Lamps {
         if sight.seen > 0.0 && sight.seen < sight.all {
             sight.cast_to(MORE * sight.cast);
         }
-        (if sight.seen > 0.0 { whole[0] * sight.seen / sight.all } else { 0.0 }, sight.cast)
+        let share = (sight.all > 0.0).then(|| sight.seen / sight.all);
+        Look { seen: whole[0] * share.unwrap_or(0.0), share, cast: sight.cast }
     }
 
     /// A point's irradiance from all lamps, with `budget` rays.
@@ -223,7 +290,8 @@ impl Lamps {
     ) -> f64 {
         let (bands, mut factor) = (sum.len(), 0.0);
         let asked = self.tree.cut(x.0, 0.0, x.1);
-        self.at_point(x, &asked, budget, Draw { net: set, part: 0 }, blockers, |lamp, value| {
+        self.at_point(x, &asked, budget, Draw { net: set, part: 0 }, blockers, |lamp, look, times| {
+            let value = times * look.seen;
             factor += value;
             let means = &means[lamp as usize * bands..];
             sum.iter_mut().zip(means).for_each(|(sum, mean)| *sum += value * mean);
@@ -336,6 +404,70 @@ impl Comb {
         let before = self.place;
         self.place += share;
         self.place.floor() - before.floor() >= 1.0
+    }
+}
+
+/// The points of a cell that its rays start from.
+struct Net<'a> {
+    points: &'a Weighted,
+    cell: &'a Patch,
+    surface: u32,
+    /// The place of the cell among all along a curve through space.
+    block: u32,
+}
+
+impl Net<'_> {
+    fn from(&self, q: usize) -> (DVec3, DVec3, u32) {
+        (self.cell.point(self.points.points[q]), self.cell.normal(), self.surface)
+    }
+
+    /// The part of a lamp's net of places that a point takes.
+    fn part(&self, q: usize) -> u32 {
+        self.block.wrapping_mul(self.points.points.len() as u32).wrapping_add(q as u32)
+    }
+}
+
+/// How a point sees a lamp.
+struct Look {
+    /// ∫G V over the lamp.
+    seen: f64,
+    /// The share of it that is visible, if it is not behind the point's horizon.
+    share: Option<f64>,
+    /// Rays that were cast.
+    cast: u32,
+}
+
+/// How the points of a cell see a lamp.
+struct View {
+    lamp: u32,
+    values: [f64; MAX_DOFS],
+    /// The least and the greatest visible share.
+    least: f64,
+    most: f64,
+    /// Whether each point that asked it stood for no other lamp, and for no other point.
+    for_itself: bool,
+}
+
+impl View {
+    fn new(lamp: u32) -> Self {
+        Self { lamp, values: [0.0; MAX_DOFS], least: 1.0, most: 0.0, for_itself: true }
+    }
+
+    fn add(&mut self, look: &Look, times: f64, weights: &[f64]) {
+        if let Some(share) = look.share {
+            (self.least, self.most) = (self.least.min(share), self.most.max(share));
+        }
+        self.for_itself &= (times - 1.0).abs() < 1e-12;
+        self.values.iter_mut().zip(weights).for_each(|(value, weight)| *value += weight * times * look.seen);
+    }
+
+    /// Whether the border of a shadow is seen to pass.
+    fn is_mixed(&self) -> bool {
+        self.least < 1.0 && self.most > 0.0
+    }
+
+    fn entry(&self) -> Entry {
+        Entry { lamp: self.lamp, values: self.values.map(|value| value as f32) }
     }
 }
 

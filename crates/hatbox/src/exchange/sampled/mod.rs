@@ -114,7 +114,8 @@ impl Table {
             gram
         });
         let factor = gram.map(|gram| factor(gram, n));
-        let (spots, receivers) = (Spots::new(element), Receivers::new(element));
+        let spots = Spots::new(element);
+        let receivers = Receivers::new(element, &points, &factor[0]);
         Self { element, points, spots, receivers, mass, ridge, gram, factor }
     }
 }

@@ -28,7 +28,7 @@ use std::ops::Range;
 
 /// Rows whose bands are set side by side at a time: few enough for the nearest cache.
 const TURNED: usize = 128;
-/// Chunks whose results wait to be put where they belong, which one thread does: many, so that all others are at work.
+/// Chunks whose results wait to be put where they belong, band by band.
 const AT_ONCE: usize = 256;
 
 /// What is applied to: coefficients with the bands of each side by side. (Single precision was tried and dropped: it took as
@@ -98,7 +98,7 @@ impl Sampled {
     /// y = S x, by the rays that `take` takes.
     pub(super) fn apply_with(&self, x: &MultiVector, y: &mut MultiVector, take: Take) {
         let source = self.source(x.bands(), |dof, band| x.band(band)[dof]);
-        self.rows_of(&source, take, |rows, band, result| y.band_mut(band)[rows].copy_from_slice(result));
+        self.rows_of(&source, take, y, |column, rows, result| column[rows].copy_from_slice(result));
         if let Some(linked) = self.through_links(x) {
             y.add_scaled(1.0, &linked);
         }
@@ -111,8 +111,7 @@ impl Sampled {
             c.row(dof).map(|(unknown, share)| share * column[unknown]).sum()
         });
         y.as_mut_slice().fill(0.0);
-        self.rows_of(&source, Take::All, |rows, band, result| {
-            let column = y.band_mut(band);
+        self.rows_of(&source, Take::All, y, |column, rows, result| {
             for (dof, value) in rows.zip(result) {
                 c.row(dof).for_each(|(unknown, share)| column[unknown] += share * value);
             }
@@ -128,7 +127,7 @@ impl Sampled {
             self.combine::<0, 0>(cell, self.lamps_of(cell, index), &means, false, work);
             self.integrate::<0, 0>(cell, x.bands(), work);
         };
-        self.by_rows(x.bands(), row, |rows, band, result| y.band_mut(band)[rows].copy_from_slice(result));
+        self.by_rows(row, &mut y, |column, rows, result| column[rows].copy_from_slice(result));
         if let Some(linked) = self.through_links(x) {
             y.add_scaled(1.0, &linked);
         }
@@ -148,19 +147,26 @@ impl Sampled {
         Source { bands, values, means }
     }
 
-    /// Gives the rows of S as the rays have them, applied to `source`.
-    fn rows_of(&self, source: &Source, take: Take, give: impl FnMut(Range<usize>, usize, &[f64])) {
+    /// Puts the rows of S as the rays have them, applied to `source`.
+    fn rows_of(
+        &self,
+        source: &Source,
+        take: Take,
+        y: &mut MultiVector,
+        put: impl Fn(&mut [f64], Range<usize>, &[f64]) + Sync,
+    ) {
         let row = self.row_for(source.bands);
-        self.by_rows(source.bands, |cell, index, work| row(self, cell, index, source, take, work), give);
+        self.by_rows(|cell, index, work| row(self, cell, index, source, take, work), y, put);
     }
 
-    /// Calls `row` for every cell with its place in its chunk, and gives the results in order: rows, band, and what they are.
+    /// Calls `row` for every cell with its place in its chunk, and has the results put into each band of y, in order.
     fn by_rows(
         &self,
-        bands: usize,
         row: impl Fn(usize, usize, &mut Work) + Sync,
-        mut give: impl FnMut(Range<usize>, usize, &[f64]),
+        y: &mut MultiVector,
+        put: impl Fn(&mut [f64], Range<usize>, &[f64]) + Sync,
     ) {
+        let (bands, height) = (y.bands(), y.rows().max(1));
         let rows_of = |chunk: usize| {
             let cells = self.chunk(chunk);
             self.cells.range(cells.start).start..self.cells.range(cells.end - 1).end
@@ -183,12 +189,12 @@ impl Sampled {
         for first in chunks.clone().step_by(AT_ONCE) {
             let some = first..(first + AT_ONCE).min(chunks.end);
             let results: Vec<Vec<f64>> = some.clone().into_par_iter().map(of_chunk).collect();
-            for (chunk, result) in some.zip(&results) {
-                let rows = rows_of(chunk);
-                for (band, result) in result.chunks_exact(rows.len().max(1)).enumerate() {
-                    give(rows.clone(), band, result);
+            y.as_mut_slice().par_chunks_mut(height).enumerate().for_each(|(band, column)| {
+                for (chunk, result) in some.clone().zip(&results) {
+                    let rows = rows_of(chunk);
+                    put(column, rows.clone(), &result[band * rows.len()..(band + 1) * rows.len()]);
                 }
-            }
+            });
         }
     }
 
