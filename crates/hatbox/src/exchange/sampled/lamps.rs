@@ -9,7 +9,7 @@
 //!
 //! Where the border of a shadow passes through a cell, those few points say too little, however many rays they send: some
 //! percent of error stayed on coarse meshes, whatever was asked for. There the lamp is looked at from all points that the cell's
-//! own rays start from, by a ray each, so that its error falls with theirs. A quarter of those points are asked whether the rule has
+//! own rays start from, by a few rays each, so that its error falls with theirs. A quarter of those points are asked whether the rule has
 //! missed something.
 //!
 //! A point has a budget of shadow rays, shared among the lamps by how much they can give at most; a lamp whose share is
@@ -47,6 +47,8 @@ const WIDE: [f64; 2] = [0.2, 0.05];
 const MORE: u32 = 4;
 /// Lamps that a cell looks at from all of its points, at the most.
 const MOST_MIXED: usize = 4;
+/// Rays of each of these points; a half-shadow takes [`MORE`].
+const RAYS_OF_MIXED: f64 = 4.0;
 /// Points of a rule at the most: cells of all elements have so many parts of a lamp's net.
 const MOST_POINTS: u32 = 16;
 /// A ray stands for at most so many rays that were not cast.
@@ -213,13 +215,13 @@ impl Lamps {
         })
     }
 
-    /// Has a cell look at a lamp from all points that its rays start from, by a ray each; gives the number of rays.
+    /// Has a cell look at a lamp from all points that its rays start from; gives the number of rays.
     fn look_from_all(&self, view: &mut View, net: &Net<'_>, dofs: usize, tracer: &Tracer) -> u64 {
         let mut rays = 0;
         view.values = [0.0; MAX_DOFS];
         for (q, weights) in net.points.weights.iter().enumerate() {
             let draw = Draw { net: hash(self.seed, 1), part: net.part(q) };
-            let look = self.look(net.from(q), view.lamp, 1.0, draw, &tracer.blockers);
+            let look = self.look(net.from(q), view.lamp, RAYS_OF_MIXED, draw, &tracer.blockers);
             rays += u64::from(look.cast);
             view.add(&look, 1.0, &weights[..dofs]);
         }
