@@ -21,6 +21,7 @@
 //! A sky is no lamp: rays find it, and a shadow ray or two to each of its faces are a worse sample of it than they are. The
 //! ceiling of a room that glows as a whole is one: of a closed room each wall is about a sixth.
 
+use super::LEAST_LAMP_RAYS;
 use super::cells::Cells;
 use super::fit::{Matrix, factor, mean_mass, solve};
 use super::lamp_tree::{Bulb, CUT, Chosen, LampTree};
@@ -47,8 +48,6 @@ const WIDE: [f64; 2] = [0.2, 0.05];
 const MORE: u32 = 4;
 /// Lamps that a cell looks at from all of its points, at the most.
 const MOST_MIXED: usize = 4;
-/// Rays of each of these points; a half-shadow takes [`MORE`].
-const RAYS_OF_MIXED: f64 = 4.0;
 /// Points of a rule at the most: cells of all elements have so many parts of a lamp's net.
 const MOST_POINTS: u32 = 16;
 /// A ray stands for at most so many rays that were not cast.
@@ -183,53 +182,53 @@ impl Lamps {
                 found[index].add(look, times, &weights[..n]);
             });
         }
-        let net =
-            Net { points: &receivers.net, cell: &patch, surface: cells.surface(cell), block: tracer.block_of(cell) };
-        let mixed =
-            |view: &&mut View| view.for_itself && (view.is_mixed() || self.is_mixed_between(view, &net, tracer));
-        for view in found.iter_mut().filter(mixed).take(MOST_MIXED) {
-            rays += self.look_from_all(view, &net, n, tracer);
+        let (surface, block) = (cells.surface(cell), tracer.block_of(cell));
+        let net = Net { points: &receivers.net, cell: &patch, surface, block };
+        let mut more = 0;
+        let mixed = |view: &&mut View| {
+            let (between, cast) =
+                if view.is_mixed() { (true, 0) } else { self.is_mixed_between(view, &net, &tracer.blockers) };
+            more += cast;
+            between
+        };
+        let for_themselves = found.iter_mut().filter(|view| view.for_itself);
+        for view in for_themselves.filter(mixed).take(MOST_MIXED) {
+            rays += u64::from(self.look_from_all(view, &net, n, &tracer.blockers));
         }
+        rays += u64::from(more);
         found.retain(|view| view.most > 0.0);
         (found.iter().map(View::entry).collect(), rays)
     }
 
     /// Whether a lamp that the points of the rule see whole, or not at all, is seen otherwise by some of the points that rays start
-    /// from; a quarter of them are asked.
-    fn is_mixed_between(&self, view: &View, net: &Net<'_>, tracer: &Tracer) -> bool {
-        let lamp = &self.all[view.lamp as usize];
-        (0..net.points.points.len() / 4).any(|q| {
-            let (from, first) = (net.from(q), net.part(q));
-            let mut sight = Sight {
-                from,
-                lamp,
-                net: self.seed_of_net(view.lamp),
-                first,
-                blockers: &tracer.blockers,
-                cast: 0,
-                seen: 0.0,
-                all: 0.0,
-            };
+    /// from, and the number of rays; a quarter of them are asked.
+    fn is_mixed_between(&self, view: &View, net: &Net<'_>, blockers: &Bvh) -> (bool, u32) {
+        let points = (net.points.points.len() / 4) as u32;
+        let otherwise = |q: &u32| {
+            let mut sight = self.sight(net.from(*q as usize), view.lamp, self.draw(net, *q as usize), 1, blockers);
             sight.cast_to(1);
             sight.all > 0.0 && (sight.seen > 0.0) != (view.most > 0.0)
-        })
+        };
+        let found = (0..points).find(otherwise);
+        (found.is_some(), found.map_or(points, |q| q + 1))
     }
 
     /// Has a cell look at a lamp from all points that its rays start from; gives the number of rays.
-    fn look_from_all(&self, view: &mut View, net: &Net<'_>, dofs: usize, tracer: &Tracer) -> u64 {
+    fn look_from_all(&self, view: &mut View, net: &Net<'_>, dofs: usize, blockers: &Bvh) -> u32 {
         let mut rays = 0;
         view.values = [0.0; MAX_DOFS];
         for (q, weights) in net.points.weights.iter().enumerate() {
-            let draw = Draw { net: hash(self.seed, 1), part: net.part(q) };
-            let look = self.look(net.from(q), view.lamp, RAYS_OF_MIXED, draw, &tracer.blockers);
-            rays += u64::from(look.cast);
+            let draw = self.draw(net, q);
+            let look = self.look(net.from(q), view.lamp, f64::from(LEAST_LAMP_RAYS), draw, blockers);
+            rays += look.cast;
             view.add(&look, 1.0, &weights[..dofs]);
         }
         rays
     }
 
-    fn seed_of_net(&self, lamp: u32) -> u64 {
-        hash(hash(self.seed, 1), u64::from(lamp))
+    /// What a point of a cell's net draws.
+    fn draw(&self, net: &Net<'_>, q: usize) -> Draw {
+        Draw { net: hash(self.seed, 1), part: net.part(q) }
     }
 
     /// Calls `give` with each lamp that is asked by a point with a normal on a surface, how the point sees it, and how many
@@ -270,14 +269,19 @@ impl Lamps {
         let lamp = &self.all[k as usize];
         let Some(whole) = point_row(&lamp.panel, x, n) else { return Look { seen: 0.0, share: None, cast: 0 } };
         let rays = (share.ceil().max(1.0) as u32).next_power_of_two();
-        let (net, first) = (hash(draw.net, u64::from(k)), draw.part.wrapping_mul(MORE * rays));
-        let mut sight = Sight { from: (x, n, surface), lamp, net, first, blockers, cast: 0, seen: 0.0, all: 0.0 };
+        let mut sight = self.sight((x, n, surface), k, draw, rays, blockers);
         sight.cast_to(rays);
         if sight.seen > 0.0 && sight.seen < sight.all {
             sight.cast_to(MORE * sight.cast);
         }
         let share = (sight.all > 0.0).then(|| sight.seen / sight.all);
         Look { seen: whole[0] * share.unwrap_or(0.0), share, cast: sight.cast }
+    }
+
+    /// A point about to look at a lamp with so many rays, or [`MORE`] times as many.
+    fn sight<'a>(&'a self, from: (DVec3, DVec3, u32), k: u32, draw: Draw, rays: u32, blockers: &'a Bvh) -> Sight<'a> {
+        let (net, first) = (hash(draw.net, u64::from(k)), draw.part.wrapping_mul(MORE * rays));
+        Sight { from, lamp: &self.all[k as usize], net, first, blockers, cast: 0, seen: 0.0, all: 0.0 }
     }
 
     /// A point's irradiance from all lamps, with `budget` rays.
