@@ -343,26 +343,46 @@ fn memory_does_not_change_a_bit() {
     assert!(recast.operator.bytes < stored.operator.bytes);
 }
 
+/// What an operator's errors change of the reflected light relative to it: the difference to a better one, and what the operator
+/// says itself.
+fn operator_errors(scene: &Scene, rough: &Options, better: &Options) -> [f64; 2] {
+    let fine = solve(scene, better, &Silent).expect("solved").solution;
+    let system = System::build(scene, rough, &Silent).expect("built");
+    let coarse = system.solved(rough, &Silent).expect("solved").solution;
+    let mass = hatbox::assemble::mass(&fine.scene, &fine.space);
+    let emitted = mass.inverse().expect("areas").times(&hatbox::assemble::load(&fine.scene, &fine.space));
+    let distance = |from: &MultiVector| {
+        let mut difference = fine.radiosity.clone();
+        difference.add_scaled(-1.0, from);
+        difference.dot(&mass.times(&difference))[0].sqrt()
+    };
+    [distance(&coarse.radiosity) / distance(&emitted), system.operator_error(&coarse)]
+}
+
 /// What errors of pairs say of the light is not less than what comes of it, and little more than ten times as much: in an
 /// empty room errors of quadrature are given so that none is greater, and joining averages them.
 #[test]
 fn the_errors_of_pairs_tell_the_error_of_the_light() {
     let kind = exchange::kind(exchange::Dense::NAME).expect("a kind");
     for basis in [&BASES[1], &BASES[3]] {
-        let scene = room(0.6, [0.0, 100.0]);
         let rough = Options { tolerance: 0.1, ..options(kind, basis) };
-        let coarse = solve(&scene, &rough, &Silent).expect("solved");
-        let fine = solve(&scene, &Options { tolerance: 1e-3, ..rough }, &Silent).expect("solved").solution;
-        let mass = hatbox::assemble::mass(&fine.scene, &fine.space);
-        let emitted = mass.inverse().expect("areas").times(&hatbox::assemble::load(&fine.scene, &fine.space));
-        let distance = |from: &MultiVector| {
-            let mut difference = fine.radiosity.clone();
-            difference.add_scaled(-1.0, from);
-            difference.dot(&mass.times(&difference))[0].sqrt()
-        };
-        let truth = distance(&coarse.solution.radiosity) / distance(&emitted);
-        let estimate = System::build(&scene, &rough, &Silent).expect("built").operator_error(&coarse.solution);
+        let better = Options { tolerance: 1e-3, ..rough };
+        let [truth, estimate] = operator_errors(&room(0.6, [0.0, 100.0]), &rough, &better);
         assert!(estimate > truth && estimate < 20.0 * truth, "{}: {estimate} {truth}", basis.name);
+    }
+}
+
+/// Where all light is a lamp's, all that rays err by is the border of its shadow.
+#[test]
+fn an_operator_of_rays_knows_what_it_errs_by_in_the_shadow_of_a_lamp() {
+    let dense = exchange::kind(exchange::Dense::NAME).expect("a kind");
+    for name in [exchange::Sampled::NAME, exchange::Hierarchical::NAME] {
+        for basis in [&BASES[0], &BASES[1], &BASES[3]] {
+            let rough = options(exchange::kind(name).expect("a kind"), basis);
+            let better = Options { operator: dense, tolerance: 1e-3, ..rough };
+            let [truth, estimate] = operator_errors(&meshes::shadow::scene(), &rough, &better);
+            assert!(estimate > 0.5 * truth && estimate < 2.0 * truth, "{name}, {}: {estimate} {truth}", basis.name);
+        }
     }
 }
 

@@ -3,8 +3,10 @@
 //! Rays that were lost bring nothing and are most of them where the sky is wide, so that a bit says of each ray whether it
 //! ended somewhere, and only those that did take 5 bytes more.
 
+use super::fit::Take;
 use super::lamps::Entry;
 use super::rays::Hit;
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// Rays of one word.
@@ -154,6 +156,9 @@ pub(super) struct Received {
     /// The lamp of each entry, and its coefficients.
     lamps: Vec<u32>,
     values: Vec<f32>,
+    /// Which entries are in doubt, and their [`doubts`](Entry::doubts).
+    in_doubt: Vec<u32>,
+    doubts: Vec<f32>,
 }
 
 impl Received {
@@ -165,6 +170,10 @@ impl Received {
     /// Adds a cell.
     pub(super) fn push(&mut self, entries: &[Entry]) {
         for entry in entries {
+            if entry.doubts.iter().any(|&doubt| doubt != 0.0) {
+                self.in_doubt.push(self.lamps.len() as u32);
+                self.doubts.extend(&entry.doubts[..self.width]);
+            }
             self.lamps.push(entry.lamp);
             self.values.extend(&entry.values[..self.width]);
         }
@@ -179,13 +188,35 @@ impl Received {
         Lit { width: self.width, lamps: &self.lamps[range], values }
     }
 
+    /// The coefficients of one cell's entries as the points have them that `take` takes of those that rays start from.
+    pub(super) fn values_of(&self, index: usize, take: Take) -> Cow<'_, [f32]> {
+        let start = index.checked_sub(1).map_or(0, |before| self.ends[before]);
+        let all = self.of(index).values;
+        let sign = match take {
+            Take::All => return Cow::Borrowed(all),
+            Take::FirstHalf => 1.0,
+            Take::SecondHalf => -1.0,
+        };
+        let mut values = all.to_vec();
+        let first = self.in_doubt.partition_point(|&entry| entry < start);
+        let doubts = self.in_doubt[first..].iter().zip(self.doubts[first * self.width..].chunks_exact(self.width));
+        for (&entry, doubts) in doubts.take_while(|(entry, _)| **entry < self.ends[index]) {
+            let values = &mut values[(entry - start) as usize * self.width..];
+            values.iter_mut().zip(doubts).for_each(|(value, doubt)| *value += sign * doubt);
+        }
+        Cow::Owned(values)
+    }
+
     pub(super) fn shrink(&mut self) {
         self.lamps.shrink_to_fit();
         self.values.shrink_to_fit();
+        self.in_doubt.shrink_to_fit();
+        self.doubts.shrink_to_fit();
     }
 
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(&*self.ends) + size_of_val(&*self.lamps) + size_of_val(&*self.values)
+        let of_doubts = size_of_val(&*self.in_doubt) + size_of_val(&*self.doubts);
+        size_of_val(&*self.ends) + size_of_val(&*self.lamps) + size_of_val(&*self.values) + of_doubts
     }
 
     fn is(&self, expected: &Expected) -> bool {
@@ -194,6 +225,9 @@ impl Received {
             && self.ends.last().copied().unwrap_or(0) as usize == self.lamps.len()
             && self.values.len() == self.width * self.lamps.len()
             && self.lamps.iter().all(|&lamp| (lamp as usize) < expected.lamps)
+            && self.in_doubt.is_sorted()
+            && self.in_doubt.last().is_none_or(|&entry| (entry as usize) < self.lamps.len())
+            && self.doubts.len() == self.width * self.in_doubt.len()
     }
 }
 
@@ -208,6 +242,11 @@ pub(super) struct Lit<'a> {
 impl<'a> Lit<'a> {
     /// By no lamp.
     pub(super) const NOT: Self = Self { width: 1, lamps: &[], values: &[] };
+
+    /// The same lamps with other coefficients.
+    pub(super) fn with(self, values: &'a [f32]) -> Self {
+        Self { values, ..self }
+    }
 
     /// Lamps and coefficients.
     pub(super) fn iter(self) -> impl Iterator<Item = (usize, &'a [f32])> {
@@ -229,19 +268,20 @@ impl Traced {
     pub(super) fn to_bytes(&self) -> Vec<u8> {
         let (Hits { words, arrived, ends, cells, spots }, received) = (&self.hits, &self.received);
         let lengths = [*words, arrived.len(), ends.len(), cells.len()];
-        let of_lamps = [received.width, received.ends.len(), received.lamps.len()];
+        let of_lamps = [received.width, received.ends.len(), received.lamps.len(), received.in_doubt.len()];
         let numbers = [self.rays, self.area.to_bits(), self.lost.to_bits()];
-        let mut bytes = Vec::with_capacity(80 + self.hits.bytes() + received.bytes());
+        let mut bytes = Vec::with_capacity(88 + self.hits.bytes() + received.bytes());
         for number in lengths.into_iter().chain(of_lamps).map(|length| length as u64).chain(numbers) {
             bytes.extend(number.to_le_bytes());
         }
         for word in arrived {
             bytes.extend(word.to_le_bytes());
         }
-        for number in ends.iter().chain(cells).chain(&received.ends).chain(&received.lamps) {
+        let of_lamps = received.ends.iter().chain(&received.lamps).chain(&received.in_doubt);
+        for number in ends.iter().chain(cells).chain(of_lamps) {
             bytes.extend(number.to_le_bytes());
         }
-        for value in &received.values {
+        for value in received.values.iter().chain(&received.doubts) {
             bytes.extend(value.to_le_bytes());
         }
         bytes.extend(spots);
@@ -251,18 +291,20 @@ impl Traced {
     /// What [`to_bytes`](Self::to_bytes) has made of such a chunk; `None` of anything else.
     pub(super) fn from_bytes(bytes: &[u8], expected: &Expected) -> Option<Self> {
         let mut reader = Reader(bytes);
-        let mut lengths = [0; 7];
+        let mut lengths = [0; 8];
         for length in &mut lengths {
             *length = usize::try_from(reader.take().map(u64::from_le_bytes)?).ok()?;
         }
-        let [words, arrived, ends, hits, width, lit, entries] = lengths;
+        let [words, arrived, ends, hits, width, lit, entries, in_doubt] = lengths;
         let [rays, area, lost] = [(); 3].map(|()| reader.take().map(u64::from_le_bytes));
         let arrived = reader.list(arrived, u64::from_le_bytes)?;
         let (ends, cells) = (reader.list(ends, u32::from_le_bytes)?, reader.list(hits, u32::from_le_bytes)?);
         let (lit, lamps) = (reader.list(lit, u32::from_le_bytes)?, reader.list(entries, u32::from_le_bytes)?);
+        let in_doubt = reader.list(in_doubt, u32::from_le_bytes)?;
         let values = reader.list(entries.checked_mul(width)?, f32::from_le_bytes)?;
+        let doubts = reader.list(in_doubt.len().checked_mul(width)?, f32::from_le_bytes)?;
         let hits = Hits { words, arrived, ends, cells, spots: reader.list(hits, u8::from_le_bytes)? };
-        let received = Received { width, ends: lit, lamps, values };
+        let received = Received { width, ends: lit, lamps, values, in_doubt, doubts };
         let (area, lost) = (f64::from_bits(area?), f64::from_bits(lost?));
         let whole = reader.0.is_empty() && hits.is(expected) && received.is(expected);
         whole.then_some(Self { hits, received, rays: rays?, area, lost })
@@ -336,7 +378,10 @@ mod tests {
 
     #[test]
     fn what_a_cell_receives_is_kept() {
-        let entry = |lamp: u32| Entry { lamp, values: std::array::from_fn(|k| (k as u32 + lamp) as f32) };
+        let entry = |lamp: u32| {
+            let doubts = if lamp == 4 { [0.0; MAX_DOFS] } else { [0.25; MAX_DOFS] };
+            Entry { lamp, values: std::array::from_fn(|k| (k as u32 + lamp) as f32), doubts }
+        };
         let mut received = Received::new(3);
         let cells = [vec![], vec![entry(4), entry(1)], vec![], vec![entry(2)]];
         for entries in &cells {
@@ -346,6 +391,11 @@ mod tests {
             let found: Vec<_> = received.of(cell).iter().collect();
             let expected: Vec<_> = entries.iter().map(|entry| (entry.lamp as usize, &entry.values[..3])).collect();
             assert_eq!(found, expected, "cell {cell}");
+            for (take, sign) in [(Take::All, 0.0), (Take::FirstHalf, 1.0), (Take::SecondHalf, -1.0)] {
+                let of = |entry: &Entry| (0..3).map(|k| entry.values[k] + sign * entry.doubts[k]).collect::<Vec<_>>();
+                let expected: Vec<f32> = entries.iter().flat_map(of).collect();
+                assert_eq!(received.values_of(cell, take), expected, "cell {cell}, {take:?}");
+            }
         }
     }
 
@@ -353,7 +403,9 @@ mod tests {
     fn bytes_give_back_what_was_traced() {
         let lit = || {
             let mut received = Received::new(2);
-            (0..4).for_each(|lamp| received.push(&[Entry { lamp, values: [0.5; MAX_DOFS] }]));
+            (0..4).for_each(|lamp| {
+                received.push(&[Entry { lamp, values: [0.5; MAX_DOFS], doubts: [0.1 * lamp as f32; MAX_DOFS] }])
+            });
             received
         };
         let of = |hits: Hits, received: Received| Traced { hits, received, rays: 77, area: 0.1, lost: 0.3 };

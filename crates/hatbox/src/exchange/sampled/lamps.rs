@@ -10,7 +10,7 @@
 //! Where the border of a shadow passes through a cell, those few points say too little, however many rays they send: some
 //! percent of error stayed on coarse meshes, whatever was asked for. There the lamp is looked at from all points that the cell's
 //! own rays start from, by a few rays each, so that its error falls with theirs. A quarter of those points are asked whether the rule has
-//! missed something.
+//! missed something. What each half of those points has seen tells that error.
 //!
 //! A point has a budget of shadow rays, shared among the lamps by how much they can give at most; a lamp whose share is
 //! less than one ray gets one with that probability, and counts accordingly more. Who does is not decided for each lamp on
@@ -23,7 +23,7 @@
 
 use super::LEAST_LAMP_RAYS;
 use super::cells::Cells;
-use super::fit::{Matrix, factor, mean_mass, solve};
+use super::fit::{Matrix, Take, factor, mean_mass, solve};
 use super::lamp_tree::{Bulb, CUT, Chosen, LampTree};
 use super::rays::{Points, Tracer};
 use crate::assemble::{Panel, point_row};
@@ -77,6 +77,9 @@ pub(super) struct Lamps {
 pub(super) struct Entry {
     pub(super) lamp: u32,
     pub(super) values: [f32; MAX_DOFS],
+    /// Half of what one half of the points that rays start from has more than the other; 0 where the lamp was not looked at from
+    /// them.
+    pub(super) doubts: [f32; MAX_DOFS],
 }
 
 /// Where lamps are looked at from, on the cells of one element.
@@ -85,6 +88,8 @@ pub(super) struct Receivers {
     /// The points of a rule, and those that rays start from.
     rule: Weighted,
     net: Weighted,
+    /// What each of the latter adds to [`doubts`](Entry::doubts).
+    doubts: Vec<[f64; MAX_DOFS]>,
 }
 
 /// Points of the reference cell.
@@ -96,8 +101,8 @@ struct Weighted {
 }
 
 impl Receivers {
-    /// `net` are the points that rays start from, `factor_of_net` the factor of their Gram matrix.
-    pub(super) fn new(element: &'static Element, net: &Points, factor_of_net: &Matrix) -> Self {
+    /// `net` are the points that rays start from, `factors` those of the Gram matrices of the points that each [`Take`] takes.
+    pub(super) fn new(element: &'static Element, net: &Points, factors: &[Matrix; 3]) -> Self {
         // Two degrees more than the product of two functions: shadows have edges.
         let rule = rule(element.shape, 2 * element.degree + 2);
         let n = element.dofs();
@@ -109,10 +114,15 @@ impl Receivers {
         };
         let of_rule = rule.points.iter().zip(&rule.weights).map(|(&at, &weight)| weigh(at, weight, &l)).collect();
         let share = 1.0 / net.at.len() as f64;
-        let of_net = net.at.iter().map(|&at| weigh(at, share, factor_of_net)).collect();
+        let of_net = |take: Take, weight: f64| {
+            net.at[take.of(net.at.len())].iter().map(move |&at| weigh(at, weight, &factors[take as usize]))
+        };
+        // A half has half the points, each of which counts twice as much in it, and half of what it has is taken.
+        let doubts = of_net(Take::FirstHalf, share).chain(of_net(Take::SecondHalf, -share)).collect();
         Self {
             rule: Weighted { points: rule.points.clone(), weights: of_rule },
-            net: Weighted { points: net.at.clone(), weights: of_net },
+            net: Weighted { points: net.at.clone(), weights: of_net(Take::All, share).collect() },
+            doubts,
         }
     }
 }
@@ -183,7 +193,7 @@ impl Lamps {
             });
         }
         let (surface, block) = (cells.surface(cell), tracer.block_of(cell));
-        let net = Net { points: &receivers.net, cell: &patch, surface, block };
+        let net = Net { points: &receivers.net, doubts: &receivers.doubts, cell: &patch, surface, block };
         let mut more = 0;
         let mixed = |view: &&mut View| {
             let (between, cast) =
@@ -217,11 +227,12 @@ impl Lamps {
     fn look_from_all(&self, view: &mut View, net: &Net<'_>, dofs: usize, blockers: &Bvh) -> u32 {
         let mut rays = 0;
         view.values = [0.0; MAX_DOFS];
-        for (q, weights) in net.points.weights.iter().enumerate() {
+        for (q, (weights, doubts)) in net.points.weights.iter().zip(net.doubts).enumerate() {
             let draw = self.draw(net, q);
             let look = self.look(net.from(q), view.lamp, f64::from(LEAST_LAMP_RAYS), draw, blockers);
             rays += look.cast;
             view.add(&look, 1.0, &weights[..dofs]);
+            view.doubts.iter_mut().zip(&doubts[..dofs]).for_each(|(doubt, weight)| *doubt += weight * look.seen);
         }
         rays
     }
@@ -416,6 +427,7 @@ impl Comb {
 /// The points of a cell that its rays start from.
 struct Net<'a> {
     points: &'a Weighted,
+    doubts: &'a [[f64; MAX_DOFS]],
     cell: &'a Patch,
     surface: u32,
     /// The place of the cell among all along a curve through space.
@@ -447,6 +459,7 @@ struct Look {
 struct View {
     lamp: u32,
     values: [f64; MAX_DOFS],
+    doubts: [f64; MAX_DOFS],
     /// The least and the greatest visible share.
     least: f64,
     most: f64,
@@ -456,7 +469,7 @@ struct View {
 
 impl View {
     fn new(lamp: u32) -> Self {
-        Self { lamp, values: [0.0; MAX_DOFS], least: 1.0, most: 0.0, for_itself: true }
+        Self { lamp, values: [0.0; MAX_DOFS], doubts: [0.0; MAX_DOFS], least: 1.0, most: 0.0, for_itself: true }
     }
 
     fn add(&mut self, look: &Look, times: f64, weights: &[f64]) {
@@ -473,7 +486,8 @@ impl View {
     }
 
     fn entry(&self) -> Entry {
-        Entry { lamp: self.lamp, values: self.values.map(|value| value as f32) }
+        let [values, doubts] = [self.values, self.doubts].map(|all| all.map(|value| value as f32));
+        Entry { lamp: self.lamp, values, doubts }
     }
 }
 

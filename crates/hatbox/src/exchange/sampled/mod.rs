@@ -115,7 +115,7 @@ impl Table {
         });
         let factor = gram.map(|gram| factor(gram, n));
         let spots = Spots::new(element);
-        let receivers = Receivers::new(element, &points, &factor[0]);
+        let receivers = Receivers::new(element, &points, &factor);
         Self { element, points, spots, receivers, mass, ridge, gram, factor }
     }
 }

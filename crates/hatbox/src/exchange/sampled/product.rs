@@ -237,7 +237,8 @@ impl Sampled {
         let found = self.read::<N, B>(&rays, source, work);
         table.fit::<N, B>(&rays, take, &found, source.bands, work);
         work.cast_hits = cast;
-        let lamps = if among_lamps { Lit::NOT } else { self.lamps_of(cell, index) };
+        let of_lamps = self.direct[cell / CHUNK].values_of(index, take);
+        let lamps = if among_lamps { Lit::NOT } else { self.lamps_of(cell, index).with(&of_lamps) };
         self.combine::<N, B>(cell, lamps, &source.means, found.lamp, work);
         self.integrate::<N, B>(cell, source.bands, work);
     }
