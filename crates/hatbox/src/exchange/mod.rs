@@ -16,7 +16,7 @@ mod tree;
 
 pub use choice::{AUTO, Problem, choose};
 pub use closure::{Balanced, Closure, escape, escapes, rays_per_cell, scatter};
-pub use dense::{Dense, PointRow, RowFacts, Views};
+pub use dense::{Dense, Panorama, PointRow, RowFacts, Viewpoint, Views};
 pub use hierarchical::Hierarchical;
 pub use norm::norm;
 pub use sampled::Sampled;

@@ -8,7 +8,7 @@
 use super::Solution;
 use super::system::strengths;
 use crate::assemble::{Panel, Region};
-use crate::exchange::{PointRow, Views};
+use crate::exchange::{Panorama, PointRow, Viewpoint, Views};
 use crate::kernel::geometric;
 use crate::quadrature::sequence::{hash, point};
 use crate::visibility::{Bvh, Occluders, Visibility};
@@ -35,6 +35,7 @@ pub struct Sources<'a> {
     pub(super) solution: &'a Solution,
     pub(super) cells: Vec<usize>,
     pub(super) panels: Vec<Panel>,
+    panorama: Panorama,
     pub(super) strengths: Vec<f64>,
     occluders: Occluders,
     blockers: Bvh,
@@ -51,8 +52,10 @@ impl<'a> Sources<'a> {
         let (scene, space) = (&solution.scene, &solution.space);
         let all = strengths(scene);
         let cells: Vec<usize> = (0..all.len()).filter(|&cell| chosen(all[cell])).collect();
+        let panels: Vec<Panel> = cells.iter().map(|&cell| Panel::of_cell(&scene.mesh, space, cell)).collect();
         Self {
-            panels: cells.iter().map(|&cell| Panel::of_cell(&scene.mesh, space, cell)).collect(),
+            panorama: Panorama::new(&panels),
+            panels,
             strengths: cells.iter().map(|&cell| all[cell]).collect(),
             cells,
             occluders: Occluders::new(&scene.surfaces),
@@ -82,6 +85,7 @@ impl<'a> Sources<'a> {
     fn gather(&self) -> Gather<'_> {
         Gather {
             panels: &self.panels,
+            panorama: &self.panorama,
             cells: Some(&self.cells),
             views: self.views(),
             strengths: &self.strengths,
@@ -93,6 +97,7 @@ impl<'a> Sources<'a> {
 /// Gathers irradiance from the panels of a solved scene.
 pub struct Gather<'a> {
     pub(super) panels: &'a [Panel],
+    pub(super) panorama: &'a Panorama,
     /// The cell of each panel; that of the same number if not given.
     pub(super) cells: Option<&'a [usize]>,
     pub(super) views: Views<'a>,
@@ -113,23 +118,20 @@ impl Gather<'_> {
     /// 0, that of one with itself has not.
     pub fn independent<const N: usize>(&self, x: DVec3, n: DVec3, surface: u32, seeds: [u64; N]) -> [Vec<f64>; N] {
         let mut sums = std::array::from_fn(|_| vec![0.0; self.solution.bands()]);
-        let mut list = Vec::new();
-        for (k, panel) in self.panels.iter().enumerate() {
-            let cell = self.cells.map_or(k, |cells| cells[k]);
-            if panel.surface == surface || self.is_dark(cell) {
-                continue;
-            }
-            let (row, visible) = match self.views.point_row(panel, (x, n), surface, &mut list) {
-                None => continue,
-                Some(PointRow::Exact(row)) => (row, [1.0; N]),
-                Some(PointRow::Unoccluded(row)) => (row, self.visible_shares(k, x, n, surface, seeds)),
+        let from = Viewpoint { at: x, normal: n, surface };
+        let cell = |k: usize| self.cells.map_or(k, |cells| cells[k]);
+        let wanted = |k: usize| self.panels[k].surface != surface && !self.is_dark(cell(k));
+        self.panorama.seen_from(&from, self.panels, &self.views, wanted, |k, row| {
+            let (row, visible) = match row {
+                PointRow::Exact(row) => (row, [1.0; N]),
+                PointRow::Unoccluded(row) => (row, self.visible_shares(k, x, n, surface, seeds)),
             };
-            for (band, sent) in self.sent(cell, &row) {
+            for (band, sent) in self.sent(cell(k), &row) {
                 for (sum, visible) in sums.iter_mut().zip(visible) {
                     sum[band] += visible * sent;
                 }
             }
-        }
+        });
         sums
     }
 

@@ -4,7 +4,7 @@ use super::products::{Asked, Part, Products};
 use super::residual::greater;
 use super::{Energy, Error, Gather, MaterialsError, Solution};
 use crate::assemble::{Accuracy, Block, Panel, load, mass, weighted_mass};
-use crate::exchange::{self, Balanced, Exchange, ExchangeError, Geometry};
+use crate::exchange::{self, Balanced, Exchange, ExchangeError, Geometry, Panorama};
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
 use crate::progress::Progress;
 use crate::scene::{Material, Scene};
@@ -92,6 +92,7 @@ pub struct System {
     /// Why that kind of operator was chosen, if it was not asked for.
     pub operator_reason: Option<String>,
     panels: Arc<OnceLock<Vec<Panel>>>,
+    panorama: Arc<OnceLock<Panorama>>,
     blockers: Arc<Bvh>,
     occluders: Arc<OnceLock<Occluders>>,
     strengths: Vec<f64>,
@@ -152,6 +153,7 @@ impl System {
             scene,
             space,
             panels,
+            panorama: Arc::default(),
             blockers,
             join,
             mass,
@@ -526,7 +528,9 @@ impl System {
 
     /// Irradiance at any point, from a solution of this system.
     pub fn gather<'a>(&'a self, solution: &'a Solution) -> Gather<'a> {
-        Gather { panels: self.panels(), cells: None, views: self.views(), strengths: &self.strengths, solution }
+        let panels = self.panels();
+        let panorama = self.panorama.get_or_init(|| Panorama::new(panels));
+        Gather { panels, panorama, cells: None, views: self.views(), strengths: &self.strengths, solution }
     }
 
     /// What surfaces reflect, again and again, if they emit a function of the broken space: (I − RK)⁻¹RK of it, to three

@@ -6,6 +6,7 @@
 //! a crack without area is no light. Rays go on to the faces themselves, whose edges are watertight.
 
 use super::{Bvh, Shaft, ShaftResult};
+use crate::mesh::polygon::area_vector;
 use crate::scene::Surface;
 use glam::DVec3;
 
@@ -15,6 +16,8 @@ pub struct Occluders {
     corners: Vec<DVec3>,
     /// Where each polygon's corners start, and the end.
     starts: Vec<u32>,
+    /// Unit normals; none where a polygon has no area.
+    normals: Vec<DVec3>,
     /// The polygon that each face is a part of.
     of_surface: Vec<u32>,
     tree: Bvh,
@@ -34,7 +37,8 @@ impl Occluders {
                 ids.push(id as u32);
             }
         }
-        Self { corners, starts, of_surface: merged.of_surface, tree: Bvh::new(&triangles, &ids) }
+        let normals = merged.polygons.iter().map(|polygon| area_vector(polygon).normalize_or_zero()).collect();
+        Self { corners, starts, normals, of_surface: merged.of_surface, tree: Bvh::new(&triangles, &ids) }
     }
 
     /// Number of polygons.
@@ -50,6 +54,16 @@ impl Occluders {
     /// The corners of a polygon, in order around it.
     pub fn polygon(&self, index: u32) -> &[DVec3] {
         &self.corners[self.starts[index as usize] as usize..self.starts[index as usize + 1] as usize]
+    }
+
+    /// Whether a polygon may block part of a shaft; if not, it is proven to touch it at most.
+    pub fn may_block(&self, shaft: &Shaft, index: u32) -> bool {
+        shaft.may_block(self.polygon(index), self.normals[index as usize])
+    }
+
+    /// Whether a polygon blocks every segment of a shaft.
+    pub fn blocks_fully(&self, shaft: &Shaft, index: u32) -> bool {
+        shaft.fully_blocked_by(self.polygon(index), self.normals[index as usize])
     }
 
     /// The polygon that a face is a part of; `u32::MAX` if there is no such face.

@@ -183,19 +183,19 @@ impl Shaft {
         }
     }
 
-    /// Whether a planar polygon may block part of the view; if not, it is proven to touch the shaft at most.
-    pub fn may_block(&self, polygon: &[DVec3]) -> bool {
-        let outside =
-            |(n, d): &(DVec3, f64)| polygon.iter().all(|&corner| n.dot(corner - self.origin) >= d - self.touch);
-        if self.planes.iter().any(outside) {
+    /// Whether a planar polygon with that unit normal may block part of the view; if not, it is proven to touch the shaft at
+    /// most.
+    pub fn may_block(&self, polygon: &[DVec3], normal: DVec3) -> bool {
+        // In a convex room every wall has the whole shaft on one side.
+        let below = normal.dot(self.origin - polygon[0]);
+        let heights: ArrayVec<f64, { 2 * MAX_CORNERS }> = self.corners.iter().map(|&x| normal.dot(x) + below).collect();
+        let [lo, hi] = extremes(heights.iter().copied());
+        if lo >= -self.touch || hi <= self.touch {
             return false;
         }
-        // In a convex room every wall has the whole shaft on one side.
-        let normal = area_vector(polygon).normalize_or_zero();
-        let heights: ArrayVec<f64, { 2 * MAX_CORNERS }> =
-            self.corners.iter().map(|&x| normal.dot(x + self.origin - polygon[0])).collect();
-        let [lo, hi] = extremes(heights.iter().copied());
-        lo < -self.touch && hi > self.touch && !self.passes_an_edge(polygon, normal, &heights)
+        let outside =
+            |(n, d): &(DVec3, f64)| polygon.iter().all(|&corner| n.dot(corner - self.origin) >= d - self.touch);
+        !self.planes.iter().any(outside) && !self.passes_an_edge(polygon, normal, &heights)
     }
 
     /// Whether a plane through an edge of a convex polygon has the polygon on one side and the shaft on the other. Between
@@ -231,18 +231,16 @@ impl Shaft {
         })
     }
 
-    /// Whether a convex planar polygon blocks every segment of the shaft.
+    /// Whether a convex planar polygon with that unit normal blocks every segment of the shaft.
     ///
     /// It does if it lies strictly between the two polygons and each segment from a corner to a corner crosses it
     /// strictly inside: the projection of one polygon onto its plane from any point of the other is the convex hull of
     /// the projected corners.
-    pub fn fully_blocked_by(&self, blocker: &[DVec3]) -> bool {
-        let corners: Vec<DVec3> = blocker.iter().map(|&corner| corner - self.origin).collect();
-        let Some(normal) = area_vector(&corners).try_normalize() else { return false };
-        let height = |corner: DVec3| normal.dot(corner - corners[0]);
+    pub fn fully_blocked_by(&self, blocker: &[DVec3], normal: DVec3) -> bool {
+        let height = |corner: DVec3| normal.dot(corner + self.origin - blocker[0]);
         let inside = |x: DVec3| {
-            (0..corners.len()).all(|k| {
-                let (p, edge) = (corners[k], corners[(k + 1) % corners.len()] - corners[k]);
+            (0..blocker.len()).all(|k| {
+                let (p, edge) = (blocker[k] - self.origin, blocker[(k + 1) % blocker.len()] - blocker[k]);
                 edge.cross(x - p).dot(normal) > self.touch * edge.length()
             })
         };
@@ -298,7 +296,7 @@ impl Bvh {
                 mask
             },
             |index, id, triangle| {
-                if skip.contains(&id) || !shaft.may_block(triangle) {
+                if skip.contains(&id) || !shaft.may_block(triangle, area_vector(triangle).normalize_or_zero()) {
                     return true;
                 }
                 out.push(index);
@@ -396,7 +394,7 @@ mod tests {
             let wall = corners(4, 1.5, DVec3::X * 0.5 + point(100 * round + 6) * 1.4);
             let shaft = Shaft::new(&a, &b);
             let reaches = inside(&shaft, &wall).len() >= 3;
-            assert_eq!(shaft.may_block(&wall), reaches, "{a:?} {b:?} {wall:?}");
+            assert_eq!(shaft.may_block(&wall, area_vector(&wall).normalize()), reaches, "{a:?} {b:?} {wall:?}");
             let facets = shaft.planes.iter().any(|(n, d)| wall.iter().all(|&p| n.dot(p - shaft.origin) >= *d));
             beside += usize::from(!reaches);
             by_an_edge += usize::from(!reaches && !facets);
@@ -414,7 +412,7 @@ mod tests {
         for along in [DVec3::X, DVec3::Y] {
             let edge = DVec3::new(1.0, 1.0, 0.0);
             let wall = [edge, edge + along, edge + along + DVec3::Z, edge + DVec3::Z];
-            assert!(!shaft.may_block(&wall), "{along}");
+            assert!(!shaft.may_block(&wall, area_vector(&wall).normalize()), "{along}");
         }
     }
 }

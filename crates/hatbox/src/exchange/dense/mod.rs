@@ -8,13 +8,15 @@
 
 mod build;
 mod facts;
+mod panorama;
 mod sums;
 mod table;
 mod views;
 
 pub use facts::RowFacts;
+pub use panorama::Panorama;
 pub(super) use views::Between;
-pub use views::{PointRow, Views};
+pub use views::{PointRow, Viewpoint, Views};
 
 use super::{Exchange, ExchangeError, Geometry, Params, Statistics};
 use crate::assemble::Panel;

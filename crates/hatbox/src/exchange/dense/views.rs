@@ -32,6 +32,17 @@ pub enum PointRow {
     Unoccluded([f64; MAX_DOFS]),
 }
 
+/// A point of a surface that looks around.
+#[derive(Debug, Clone, Copy)]
+pub struct Viewpoint {
+    /// Where it is.
+    pub at: DVec3,
+    /// The unit normal of the surface.
+    pub normal: DVec3,
+    /// The index of its face, which hides nothing; `u32::MAX` in the air.
+    pub surface: u32,
+}
+
 /// The opaque faces of a scene, twice: as few large polygons for proofs and exact shadows, and as they are for rays.
 #[derive(Clone, Copy)]
 pub struct Views<'a> {
@@ -54,19 +65,19 @@ impl Views<'_> {
         between.map_or_else(blocked, |between| self.block(panels, &facing, between, weights, accuracy))
     }
 
-    /// What the point `x` of a face of that index, with unit normal `n`, receives from a panel; `None` if nothing. `list` is
+    /// What a point receives from a panel, if nothing stands between but what it inherits; `None` if nothing. `list` is
     /// scratch space.
-    pub fn point_row(
+    pub(super) fn point_row(
         &self,
         panel: &Panel,
-        (x, n): (DVec3, DVec3),
-        surface: u32,
+        from: &Viewpoint,
+        inherited: Between<'_>,
         list: &mut Vec<u32>,
     ) -> Option<PointRow> {
-        let outlook = Outlook::new(panel, x, n)?;
-        let (point, part) = (Body::polygon(&[x]), Body::polygon(outlook.corners()));
-        let skip = [self.occluders.of_surface(surface), self.polygon(panel)];
-        match self.between([&point, &part], skip, Between::Many, list)? {
+        let outlook = Outlook::new(panel, from.at, from.normal)?;
+        let (point, part) = (Body::polygon(&[from.at]), Body::polygon(outlook.corners()));
+        let skip = [self.of_surface(from.surface), self.polygon(panel)];
+        match self.between([&point, &part], skip, inherited, list)? {
             Between::Nothing => Some(PointRow::Exact(outlook.row())),
             Between::Some(candidates) if candidates.len() <= MAX_CLIPPED => {
                 let polygons: Vec<_> = candidates.iter().map(|&k| self.occluders.polygon(k)).collect();
@@ -79,7 +90,12 @@ impl Views<'_> {
 
     /// The occluder that a panel is a part of.
     pub(super) fn polygon(&self, panel: &Panel) -> u32 {
-        self.occluders.of_surface(panel.surface)
+        self.of_surface(panel.surface)
+    }
+
+    /// The occluder that a face is a part of.
+    pub(super) fn of_surface(&self, surface: u32) -> u32 {
+        self.occluders.of_surface(surface)
     }
 
     /// What of `inherited` may stand between two bodies, except the polygons of `skip`; `None` if the whole view is hidden.
@@ -97,7 +113,7 @@ impl Views<'_> {
         match inherited {
             Between::Nothing => return Some(Between::Nothing),
             Between::Some(candidates) => {
-                let may_block = |&&k: &&u32| !skip.contains(&k) && shaft.may_block(self.occluders.polygon(k));
+                let may_block = |&&k: &&u32| !skip.contains(&k) && self.occluders.may_block(&shaft, k);
                 list.extend(candidates.iter().filter(may_block));
                 if list.is_empty() {
                     return Some(Between::Nothing);
@@ -106,7 +122,7 @@ impl Views<'_> {
                     return None;
                 }
                 shaft.tighten(a, b);
-                list.retain(|&k| shaft.may_block(self.occluders.polygon(k)));
+                list.retain(|&k| self.occluders.may_block(&shaft, k));
             }
             Between::Many => {
                 shaft.tighten(a, b);
@@ -123,7 +139,7 @@ impl Views<'_> {
 
     /// Whether one of the candidates covers the whole view.
     fn is_hidden(&self, shaft: &Shaft, candidates: &[u32]) -> bool {
-        candidates.iter().take(MAX_HIDERS).any(|&k| shaft.fully_blocked_by(self.occluders.polygon(k)))
+        candidates.iter().take(MAX_HIDERS).any(|&k| self.occluders.blocks_fully(shaft, k))
     }
 
     /// The block of two panels that what is `between` does not hide altogether.

@@ -404,7 +404,7 @@ mod tests {
         let lit = || {
             let mut received = Received::new(2);
             (0..4).for_each(|lamp| {
-                received.push(&[Entry { lamp, values: [0.5; MAX_DOFS], doubts: [0.1 * lamp as f32; MAX_DOFS] }])
+                received.push(&[Entry { lamp, values: [0.5; MAX_DOFS], doubts: [0.1 * lamp as f32; MAX_DOFS] }]);
             });
             received
         };
