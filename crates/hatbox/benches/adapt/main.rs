@@ -34,7 +34,9 @@ const BASES: [&Basis; 2] = [&ALL[1], &ALL[3]];
 const UNIFORM: [usize; 4] = [200, 800, 3200, 6400];
 const LADDER: [f64; 6] = [0.10, 0.03, 0.01, 0.005, 0.002, 0.001];
 /// Tolerances of the part `focus`.
-const FOCUSED: [f64; 3] = [0.05, 0.03, 0.02];
+const FOCUSED: [f64; 2] = [0.05, 0.03];
+/// Coefficients with which the whole scene may be solved as well.
+const MOST_WHOLE: usize = 45_000;
 /// A dense operator of more coefficients is not tried.
 const MOST: usize = 20_000;
 
@@ -81,11 +83,17 @@ impl Row {
         Ok(Self { mesh: "uniform".to_owned(), solved, reached: true, cpu: cpu_seconds() - before })
     }
 
-    fn adaptive(scene: &Scene, basis: &'static Basis, tolerance: f64, focus: Option<Focus>) -> Result<Self> {
+    fn adaptive(
+        scene: &Scene,
+        basis: &'static Basis,
+        tolerance: f64,
+        focus: Option<Focus>,
+        most_coefficients: usize,
+    ) -> Result<Self> {
         let before = cpu_seconds();
         let defaults = adapt::Options::default();
         let solve = Options { basis, ..defaults.solve };
-        let options = adapt::Options { solve, tolerance, focus, most_coefficients: MOST };
+        let options = adapt::Options { solve, tolerance, focus, most_coefficients };
         let adapted = adapt::solve(scene, &options, &Silent)?;
         let mesh = format!("to {} %", (1e5 * tolerance).round() / 1e3);
         Ok(Self { mesh, solved: adapted.solved, reached: adapted.reached, cpu: cpu_seconds() - before })
@@ -119,7 +127,7 @@ fn asked(case: &Case) -> Result<()> {
     title(case.name, &truth);
     for basis in BASES {
         for tolerance in ASKED {
-            let row = Row::adaptive(&scene, basis, tolerance, None)?;
+            let row = Row::adaptive(&scene, basis, tolerance, None, MOST)?;
             row.print(truth.error(&row.solved.solution));
         }
     }
@@ -155,7 +163,7 @@ fn ladder(case: &Case) -> Result<Vec<Panel>> {
         add(basis, false, &mut sizes.map(|elements| Row::uniform(&scene, basis, elements)))?;
         // On triangles bilinear functions are linear.
         if basis.quad.is_none() || basis.triangle.degree == 0 {
-            add(basis, true, &mut LADDER.into_iter().map(|tolerance| Row::adaptive(&scene, basis, tolerance, None)))?;
+            add(basis, true, &mut LADDER.into_iter().map(|tolerance| Row::adaptive(&scene, basis, tolerance, None, MOST)))?;
         }
     }
     let [unknowns, seconds] = curves;
@@ -172,14 +180,14 @@ fn focus() -> Result<()> {
     let truth = (case.truth)(&scene)?.within(cases::is_in_the_dark_room);
     title("the dark room of two rooms", &truth);
     for tolerance in FOCUSED {
-        let row = Row::adaptive(&scene, &ALL[1], tolerance, Some(cases::dark_room()))?;
+        let row = Row::adaptive(&scene, &ALL[1], tolerance, Some(cases::dark_room()), MOST)?;
         let (goal, unknowns) = (truth.error(&row.solved.solution), row.solved.unknowns);
         println!("focus:");
         row.print(goal);
         println!("whole scene:");
         let mut coarser: Option<[f64; 2]> = None;
-        for k in 0..9 {
-            let row = Row::adaptive(&scene, &ALL[1], tolerance / 1.5_f64.powi(k), None)?;
+        for k in 4..12 {
+            let row = Row::adaptive(&scene, &ALL[1], tolerance / 1.5_f64.powi(k), None, MOST_WHOLE)?;
             let (error, found) = (truth.error(&row.solved.solution), row.solved.unknowns as f64);
             row.print(error);
             if error <= goal {
