@@ -117,7 +117,7 @@ impl Lighting {
             dark: dark_sides,
             dark_area: area(&dark) / scene.mesh.area(),
             examples: dark.iter().take(EXAMPLES).map(|&cell| dark_face(scene, cell)).collect(),
-            escape,
+            escape: escape.fraction,
         })
     }
 }

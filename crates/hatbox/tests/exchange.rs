@@ -372,6 +372,57 @@ fn the_errors_of_pairs_tell_the_error_of_the_light() {
     }
 }
 
+/// The edge of the sheet that hides the greater part of a lamp from a floor.
+const EDGE: f64 = 0.125;
+
+/// A floor of 64 faces that sees about a quarter of a lamp past the edge of a sheet, so wide that the lamp is small beside it.
+fn floor_behind_a_sheet() -> Scene {
+    let mut mesh = Mesh::default();
+    let rectangle = |x: [f64; 2], y: [f64; 2], z: f64| {
+        [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j): (usize, usize)| DVec3::new(x[i], y[j], z))
+    };
+    let part = |k: u32| [f64::from(k), f64::from(k + 1)].map(|k| 0.0125 * (k - 4.0));
+    (0..64).for_each(|k| meshes::face(&mut mesh, &rectangle(part(k % 8), part(k / 8), 0.0), 0));
+    meshes::face(&mut mesh, &rectangle([-6.0, EDGE], [-1.0, 1.0], 0.5), 1);
+    meshes::face(&mut mesh, &rectangle([0.5, -0.5], [-0.5, 0.5], 1.0), 2);
+    let lamp = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("lamp", 0.0) };
+    let materials = vec![Material::diffuse("floor", 0.5), Material::diffuse("sheet", 0.0), lamp];
+    Scene::new(mesh, materials, Physics::Light, None).expect("valid")
+}
+
+/// ∫G over the part of the lamp that a point of that floor sees: G = 1/(π (1 + r²)²) at a distance of 1.
+fn irradiance_behind_the_sheet(x: f64, y: f64) -> f64 {
+    const STEPS: u32 = 100;
+    let from = 2.0 * EDGE - x;
+    let middle = |k: u32| (f64::from(k) + 0.5) / f64::from(STEPS);
+    let g = |k: u32| {
+        let (to_x, to_y) = (from + (0.5 - from) * middle(k % STEPS) - x, middle(k / STEPS) - 0.5 - y);
+        1.0 / (std::f64::consts::PI * (1.0 + to_x * to_x + to_y * to_y).powi(2))
+    };
+    (0..STEPS * STEPS).map(g).sum::<f64>() * (0.5 - from) / f64::from(STEPS * STEPS)
+}
+
+/// Rays that asked on only where the first of them disagreed made the floor a tenth too dark, and a number that S was
+/// multiplied by, from the rays that had left the wide sheet, 4 %.
+#[test]
+fn a_floor_that_sees_a_quarter_of_a_lamp_gets_that_light() {
+    let scene = floor_behind_a_sheet();
+    for kind in exchange::ALL {
+        for (tolerance, most) in [(0.1, 0.03), (0.03, 0.01), (0.01, 0.003)] {
+            let options = Options { refinement: Refinement::None, tolerance, ..options(kind, &BASES[0]) };
+            let solution = solve(&scene, &options, &Silent).expect("solved").solution;
+            let mesh = &solution.scene.mesh;
+            let (mut found, mut exact) = (0.0, 0.0);
+            for cell in (0..mesh.cells.len()).filter(|&cell| mesh.cells[cell].material == 0) {
+                let center = mesh.patch(cell).center();
+                found += solution.irradiance.band(0)[cell];
+                exact += irradiance_behind_the_sheet(center.x, center.y);
+            }
+            assert!((found / exact - 1.0).abs() < most, "{}, {tolerance}: {} of what it is", kind.name, found / exact);
+        }
+    }
+}
+
 /// Where all light is a lamp's, all that rays err by is the border of its shadow.
 #[test]
 fn an_operator_of_rays_knows_what_it_errs_by_in_the_shadow_of_a_lamp() {

@@ -7,7 +7,7 @@ mod meshes;
 use glam::{DQuat, DVec3};
 use hatbox::assemble::{Accuracy, Panel, Sight, mass, pair_block, weighted_mass};
 use hatbox::element::{ALL, Basis, Shape};
-use hatbox::exchange::{self, Balanced, Dense, Exchange, Geometry};
+use hatbox::exchange::{self, Balanced, Dense, Escape, Exchange, Geometry};
 use hatbox::linalg::{LinearOperator, MultiVector};
 use hatbox::mesh::{Mesh, Patch, Refinement};
 use hatbox::progress::Silent;
@@ -81,7 +81,8 @@ fn what_goes_to_and_fro_is_balanced() {
     let factors = (0..cells).map(|cell| 1.0 + 0.12 * above(cell)).collect();
     let mass = mass(&scene, &space);
     let inverse = mass.inverse().expect("positive definite");
-    let balanced = Balanced::new(Box::new(Scaled { exchange, factors }), &scene, &space, &mass, &inverse, 0.0);
+    let closed = Escape { fraction: 0.0, scatter: 0.0 };
+    let balanced = Balanced::new(Box::new(Scaled { exchange, factors }), &scene, &space, &mass, &inverse, &closed);
     let closure = balanced.closure;
     assert!(closure.deficit > 0.01 && closure.balanced, "{closure:?}");
     let ones = MultiVector::uniform(cells, &[1.0]);

@@ -163,7 +163,11 @@ fn ladder(case: &Case) -> Result<Vec<Panel>> {
         add(basis, false, &mut sizes.map(|elements| Row::uniform(&scene, basis, elements)))?;
         // On triangles bilinear functions are linear.
         if basis.quad.is_none() || basis.triangle.degree == 0 {
-            add(basis, true, &mut LADDER.into_iter().map(|tolerance| Row::adaptive(&scene, basis, tolerance, None, MOST)))?;
+            add(
+                basis,
+                true,
+                &mut LADDER.into_iter().map(|tolerance| Row::adaptive(&scene, basis, tolerance, None, MOST)),
+            )?;
         }
     }
     let [unknowns, seconds] = curves;

@@ -100,7 +100,7 @@ impl Balanced {
         space: &FunctionSpace,
         mass: &BlockDiagonal,
         mass_inverse: &BlockDiagonal,
-        escape: f64,
+        escape: &Escape,
     ) -> Self {
         let ones = MultiVector::uniform(space.broken_dofs(), &[1.0]);
         let target = mass.times(&ones);
@@ -108,13 +108,12 @@ impl Balanced {
         let total = |x: &MultiVector| x.band(0).iter().sum::<f64>();
         let lost = 1.0 - total(&sums) / total(&target);
         let deficit = cell_deficit(space, &target, &sums);
-        let closure = Closure { escape, lost, deficit, balanced: false, factor: 1.0 };
+        let closure = Closure { escape: escape.fraction, lost, deficit, balanced: false, factor: 1.0 };
         let mut balanced = Self { exchange, scaling: None, factor: None, closure };
-        if escape == 0.0 && deficit < GREATEST_DEFICIT {
+        if escape.fraction == 0.0 && deficit < GREATEST_DEFICIT {
             balanced.balance(scene, space, mass, mass_inverse, [&target, &sums]);
-        } else if escape > 0.0 && balanced.exchange.is_symmetric() {
-            let rays = rays_per_cell(space.cells(), 0) as usize * space.cells();
-            balanced.factor = open_factor(escape, lost, rays);
+        } else if escape.fraction > 0.0 && balanced.exchange.is_symmetric() {
+            balanced.factor = open_factor(escape, lost);
             balanced.closure.factor = balanced.factor.unwrap_or(1.0);
         }
         balanced
@@ -211,10 +210,10 @@ pub fn scatter(fraction: f64, rays: f64) -> f64 {
     SCATTER * (fraction * (1.0 - fraction) / rays.max(1.0)).sqrt()
 }
 
-/// What S is to be multiplied by in an open scene; nothing if `lost` is what so many rays may have seen escape.
-fn open_factor(escape: f64, lost: f64, rays: usize) -> Option<f64> {
-    let factor = (1.0 - escape) / (1.0 - lost);
-    let believed = (lost - escape).abs() > scatter(escape, rays as f64) && (factor - 1.0).abs() < GREATEST_DEFICIT;
+/// What S is to be multiplied by in an open scene; nothing if `lost` is what the rays may have seen escape.
+fn open_factor(escape: &Escape, lost: f64) -> Option<f64> {
+    let factor = (1.0 - escape.fraction) / (1.0 - lost);
+    let believed = (lost - escape.fraction).abs() > escape.scatter && (factor - 1.0).abs() < GREATEST_DEFICIT;
     believed.then_some(factor)
 }
 
@@ -270,16 +269,31 @@ fn cell_deficit(space: &FunctionSpace, target: &MultiVector, sums: &MultiVector)
     (0..space.cells()).map(deficit).fold(0.0, f64::max)
 }
 
+/// How much of the light of uniformly glowing cells leaves a scene, by rays.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Escape {
+    /// The fraction of it.
+    pub fraction: f64,
+    /// How far that may be wrong: three standard deviations. Each cell has as many rays, so that it is the large ones that
+    /// scatter.
+    pub scatter: f64,
+}
+
 /// The fraction of the light of uniformly glowing cells that leaves the scene: [`escapes`], weighted by area.
 ///
 /// # Errors
 /// [`Interrupted`].
-pub fn escape(geometry: &Geometry<'_>, seed: u64, progress: &dyn Progress) -> Result<f64, Interrupted> {
+pub fn escape(geometry: &Geometry<'_>, seed: u64, progress: &dyn Progress) -> Result<Escape, Interrupted> {
     let fractions = escapes(geometry, 0, seed, progress)?;
     let mesh = &geometry.scene.mesh;
-    let lost: f64 = fractions.iter().enumerate().map(|(cell, fraction)| mesh.patch(cell).area() * fraction).sum();
-    let area = mesh.area();
-    Ok(if area > 0.0 { lost / area } else { 0.0 })
+    let area = mesh.area().max(f64::MIN_POSITIVE);
+    let shares = || fractions.iter().enumerate().map(|(cell, fraction)| (mesh.patch(cell).area() / area, fraction));
+    let rays = f64::from(rays_per_cell(fractions.len(), 0));
+    let squares = shares().map(|(share, &fraction)| (share * scatter(fraction, rays)).powi(2));
+    Ok(Escape {
+        fraction: shares().map(|(share, fraction)| share * fraction).sum(),
+        scatter: squares.sum::<f64>().sqrt(),
+    })
 }
 
 /// For each cell the fraction of cosine rays that hit nothing, or a side of a face that receives nothing. At least

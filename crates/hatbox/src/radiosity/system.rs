@@ -4,7 +4,7 @@ use super::products::{Asked, Part, Products};
 use super::residual::greater;
 use super::{Energy, Error, Gather, MaterialsError, Solution};
 use crate::assemble::{Accuracy, Block, Panel, load, mass, weighted_mass};
-use crate::exchange::{self, Balanced, Exchange, ExchangeError, Geometry, Panorama};
+use crate::exchange::{self, Balanced, Escape, Exchange, ExchangeError, Geometry, Panorama};
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
 use crate::progress::Progress;
 use crate::scene::{Material, Scene};
@@ -70,10 +70,11 @@ fn operator(
     let (kind, reason) = kind.chosen(&exchange::Problem::of(geometry, params));
     let exchange = (kind.build)(geometry, params, progress)?;
     let escape = match exchange.escape() {
-        Some(escape) => escape,
+        // Its own rays: nothing is to be learnt from them that it does not know.
+        Some(fraction) => Escape { fraction, scatter: f64::INFINITY },
         None => exchange::escape(geometry, params.seed, progress)?,
     };
-    Ok((Balanced::new(exchange, scene, space, mass, mass_inverse, escape), reason))
+    Ok((Balanced::new(exchange, scene, space, mass, mass_inverse, &escape), reason))
 }
 
 /// What does not depend on the light: a space on a scene, its mass matrix and its exchange operator.
@@ -133,7 +134,7 @@ impl System {
         let mass = mass(&scene, &space);
         let mass_inverse = mass.inverse().ok_or(Error::Degenerate)?;
         let geometry = Geometry::new(&scene, &space, &blockers, &panels);
-        let escape = || exchange::escape(&geometry, params.seed, progress).map_err(ExchangeError::from);
+        let escape = || Ok::<_, ExchangeError>(exchange::escape(&geometry, params.seed, progress)?.fraction);
         if let Some(error) = lossless(&scene, escape)? {
             return Err(error);
         }

@@ -9,8 +9,12 @@
 //!
 //! Where the border of a shadow passes through a cell, those few points say too little, however many rays they send: some
 //! percent of error stayed on coarse meshes, whatever was asked for. There the lamp is looked at from all points that the cell's
-//! own rays start from, by a few rays each, so that its error falls with theirs. A quarter of those points are asked whether the rule has
+//! own rays start from, by a ray each, so that its error falls with theirs. A quarter of those points are asked whether the rule has
 //! missed something. What each half of those points has seen tells that error.
+//!
+//! How many rays a point sends does not depend on what they meet. More of them where the first ones disagree was a mistake: a
+//! lamp that is a quarter visible is missed by all of few rays more often than it is met by all of them, so that nobody asks on,
+//! and its light is too little on the average, with any number of points.
 //!
 //! A point has a budget of shadow rays, shared among the lamps by how much they can give at most; a lamp whose share is
 //! less than one ray gets one with that probability, and counts accordingly more. Who does is not decided for each lamp on
@@ -21,7 +25,6 @@
 //! A sky is no lamp: rays find it, and a shadow ray or two to each of its faces are a worse sample of it than they are. The
 //! ceiling of a room that glows as a whole is one: of a closed room each wall is about a sixth.
 
-use super::LEAST_LAMP_RAYS;
 use super::cells::Cells;
 use super::fit::{Matrix, Take, factor, mean_mass, solve};
 use super::lamp_tree::{Bulb, CUT, Chosen, LampTree};
@@ -44,8 +47,6 @@ const STRONG: f64 = 2.0;
 /// Strong cells of one material are left to rays if they are more than this share of all area: the first, which is more than a
 /// wall of a cube, or the second where they are more faces than a cut has.
 const WIDE: [f64; 2] = [0.2, 0.05];
-/// A lamp that is partly hidden gets so many times more rays.
-const MORE: u32 = 4;
 /// Lamps that a cell looks at from all of its points, at the most.
 const MOST_MIXED: usize = 4;
 /// Points of a rule at the most: cells of all elements have so many parts of a lamp's net.
@@ -215,26 +216,35 @@ impl Lamps {
     fn is_mixed_between(&self, view: &View, net: &Net<'_>, blockers: &Bvh) -> (bool, u32) {
         let points = (net.points.points.len() / 4) as u32;
         let otherwise = |q: &u32| {
-            let mut sight = self.sight(net.from(*q as usize), view.lamp, self.draw(net, *q as usize), 1, blockers);
-            sight.cast_to(1);
-            sight.all > 0.0 && (sight.seen > 0.0) != (view.most > 0.0)
+            let look = self.look(net.from(*q as usize), view.lamp, 1.0, self.draw(net, *q as usize), blockers);
+            look.share().is_some_and(|share| (share > 0.0) != (view.most > 0.0))
         };
         let found = (0..points).find(otherwise);
         (found.is_some(), found.map_or(points, |q| q + 1))
     }
 
     /// Has a cell look at a lamp from all points that its rays start from; gives the number of rays.
+    ///
+    /// A ray of a point meets G V at some place of the lamp. With v the share that is visible of what all of them have sought,
+    /// G V + v (∫G − G) is ∫G V on the average, but for a part of the size of 1/K, and exact where all of the lamp is visible
+    /// or nothing of it.
     fn look_from_all(&self, view: &mut View, net: &Net<'_>, dofs: usize, blockers: &Bvh) -> u32 {
-        let mut rays = 0;
+        let points = 0..net.points.points.len();
+        let looks: Vec<Look> =
+            points.map(|q| self.look(net.from(q), view.lamp, 1.0, self.draw(net, q), blockers)).collect();
+        let sum = |of: fn(&Look) -> f64| looks.iter().map(of).sum::<f64>();
+        let share = sum(|look| look.met) / sum(|look| look.sought).max(f64::MIN_POSITIVE);
         view.values = [0.0; MAX_DOFS];
-        for (q, (weights, doubts)) in net.points.weights.iter().zip(net.doubts).enumerate() {
-            let draw = self.draw(net, q);
-            let look = self.look(net.from(q), view.lamp, f64::from(LEAST_LAMP_RAYS), draw, blockers);
-            rays += look.cast;
-            view.add(&look, 1.0, &weights[..dofs]);
-            view.doubts.iter_mut().zip(&doubts[..dofs]).for_each(|(doubt, weight)| *doubt += weight * look.seen);
+        for (look, (weights, doubts)) in looks.iter().zip(net.points.weights.iter().zip(net.doubts)) {
+            let seen = look.met + share * (look.whole - look.sought);
+            let add = |values: &mut [f64], weights: &[f64]| {
+                values.iter_mut().zip(&weights[..dofs]).for_each(|(value, weight)| *value += weight * seen);
+            };
+            add(&mut view.values, weights);
+            add(&mut view.doubts, doubts);
+            view.note(look);
         }
-        rays
+        sum(|look| f64::from(look.cast)) as u32
     }
 
     /// What a point of a cell's net draws.
@@ -278,21 +288,21 @@ impl Lamps {
     /// How a point with a normal on a surface sees a lamp, by about `share` rays.
     fn look(&self, (x, n, surface): (DVec3, DVec3, u32), k: u32, share: f64, draw: Draw, blockers: &Bvh) -> Look {
         let lamp = &self.all[k as usize];
-        let Some(whole) = point_row(&lamp.panel, x, n) else { return Look { seen: 0.0, share: None, cast: 0 } };
+        let Some([whole, ..]) = point_row(&lamp.panel, x, n) else { return Look::default() };
         let rays = (share.ceil().max(1.0) as u32).next_power_of_two();
-        let mut sight = self.sight((x, n, surface), k, draw, rays, blockers);
-        sight.cast_to(rays);
-        if sight.seen > 0.0 && sight.seen < sight.all {
-            sight.cast_to(MORE * sight.cast);
+        let (net, first, panel) = (hash(draw.net, u64::from(k)), draw.part.wrapping_mul(rays), &lamp.panel);
+        let (mut seen, mut all) = (0.0, 0.0);
+        for ray in 0..rays {
+            let [u, v, ..] = point(net, first.wrapping_add(ray));
+            let y = panel.sample(u, v);
+            let g = geometric(x, n, y, panel.normal());
+            all += g;
+            if g > 0.0 && !blockers.occluded(x, y, [surface, panel.surface]) {
+                seen += g;
+            }
         }
-        let share = (sight.all > 0.0).then(|| sight.seen / sight.all);
-        Look { seen: whole[0] * share.unwrap_or(0.0), share, cast: sight.cast }
-    }
-
-    /// A point about to look at a lamp with so many rays, or [`MORE`] times as many.
-    fn sight<'a>(&'a self, from: (DVec3, DVec3, u32), k: u32, draw: Draw, rays: u32, blockers: &'a Bvh) -> Sight<'a> {
-        let (net, first) = (hash(draw.net, u64::from(k)), draw.part.wrapping_mul(MORE * rays));
-        Sight { from, lamp: &self.all[k as usize], net, first, blockers, cast: 0, seen: 0.0, all: 0.0 }
+        let mean = panel.area() / f64::from(rays);
+        Look { whole, sought: mean * all, met: mean * seen, cast: rays }
     }
 
     /// A point's irradiance from all lamps, with `budget` rays.
@@ -308,7 +318,7 @@ impl Lamps {
         let (bands, mut factor) = (sum.len(), 0.0);
         let asked = self.tree.cut(x.0, 0.0, x.1);
         self.at_point(x, &asked, budget, Draw { net: set, part: 0 }, blockers, |lamp, look, times| {
-            let value = times * look.seen;
+            let value = times * look.seen();
             factor += value;
             let means = &means[lamp as usize * bands..];
             sum.iter_mut().zip(means).for_each(|(sum, mean)| *sum += value * mean);
@@ -446,13 +456,27 @@ impl Net<'_> {
 }
 
 /// How a point sees a lamp.
+#[derive(Default)]
 struct Look {
-    /// ∫G V over the lamp.
-    seen: f64,
-    /// The share of it that is visible, if it is not behind the point's horizon.
-    share: Option<f64>,
+    /// ∫G over the lamp.
+    whole: f64,
+    /// The same as its rays have it, and ∫G V.
+    sought: f64,
+    met: f64,
     /// Rays that were cast.
     cast: u32,
+}
+
+impl Look {
+    /// The share of it that is visible, if it is not behind the point's horizon.
+    fn share(&self) -> Option<f64> {
+        (self.sought > 0.0).then(|| self.met / self.sought)
+    }
+
+    /// ∫G V over the lamp.
+    fn seen(&self) -> f64 {
+        self.whole * self.share().unwrap_or(0.0)
+    }
 }
 
 /// How the points of a cell see a lamp.
@@ -473,11 +497,15 @@ impl View {
     }
 
     fn add(&mut self, look: &Look, times: f64, weights: &[f64]) {
-        if let Some(share) = look.share {
+        self.note(look);
+        self.for_itself &= (times - 1.0).abs() < 1e-12;
+        self.values.iter_mut().zip(weights).for_each(|(value, weight)| *value += weight * times * look.seen());
+    }
+
+    fn note(&mut self, look: &Look) {
+        if let Some(share) = look.share() {
             (self.least, self.most) = (self.least.min(share), self.most.max(share));
         }
-        self.for_itself &= (times - 1.0).abs() < 1e-12;
-        self.values.iter_mut().zip(weights).for_each(|(value, weight)| *value += weight * times * look.seen);
     }
 
     /// Whether the border of a shadow is seen to pass.
@@ -488,35 +516,6 @@ impl View {
     fn entry(&self) -> Entry {
         let [values, doubts] = [self.values, self.doubts].map(|all| all.map(|value| value as f32));
         Entry { lamp: self.lamp, values, doubts }
-    }
-}
-
-/// A point looking at a lamp.
-struct Sight<'a> {
-    from: (DVec3, DVec3, u32),
-    lamp: &'a Lamp,
-    net: u64,
-    first: u32,
-    blockers: &'a Bvh,
-    cast: u32,
-    seen: f64,
-    all: f64,
-}
-
-impl Sight<'_> {
-    /// Goes on until so many rays have been cast.
-    fn cast_to(&mut self, rays: u32) {
-        let ((x, n, surface), panel) = (self.from, &self.lamp.panel);
-        for k in self.cast..rays {
-            let [u, v, ..] = point(self.net, self.first.wrapping_add(k));
-            let y = panel.sample(u, v);
-            let g = geometric(x, n, y, panel.normal());
-            self.all += g;
-            if g > 0.0 && !self.blockers.occluded(x, y, [surface, panel.surface]) {
-                self.seen += g;
-            }
-        }
-        self.cast = rays;
     }
 }
 
