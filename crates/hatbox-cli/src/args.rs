@@ -79,7 +79,8 @@ pub(crate) struct SolveArgs {
     /// Where the error counts: a material, an object, or a box X,Y,Z;X,Y,Z. Elsewhere only as far as it matters there
     #[arg(long, value_name = "NAME|BOX", conflicts_with_all = ["max_edge", "elements"], allow_hyphen_values = true)]
     pub(crate) focus: Option<String>,
-    /// Gather the light once more at the vertices of the output: sharper shadows, half an order more accurate
+    /// Gather the light once more at the vertices of the output: half an order more accurate there, with sharper shadows; between
+    /// them it is interpolated, and on coarse meshes less accurate than without
     #[arg(long)]
     pub(crate) gather: bool,
     /// Put vertices of the subdivision at t^Q from the edges of faces: finer there, where light varies most

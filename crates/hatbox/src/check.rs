@@ -115,7 +115,8 @@ impl Lighting {
             faces: lit.len(),
             emitters: sides.emits.iter().filter(|&&emits| emits).count(),
             dark: dark_sides,
-            dark_area: area(&dark) / scene.mesh.area(),
+            // Plus 0, since a sum of nothing is −0.
+            dark_area: area(&dark) / scene.mesh.area() + 0.0,
             examples: dark.iter().take(EXAMPLES).map(|&cell| dark_face(scene, cell)).collect(),
             escape: escape.fraction,
         })

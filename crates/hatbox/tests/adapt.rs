@@ -7,6 +7,7 @@ mod meshes;
 use glam::DVec3;
 use hatbox::adapt::{self, Focus};
 use hatbox::element::{ALL, Basis};
+use hatbox::io::read_scene;
 use hatbox::linalg::MultiVector;
 use hatbox::mesh::{Mesh, Refinement, Topology};
 use hatbox::probe::Probe;
@@ -18,6 +19,7 @@ use hatbox::space::{CREASE_ANGLE, Continuity, FunctionSpace};
 use hatbox::{exchange, solve as solvers};
 use manufactured::{RHO, chosen, l2_error};
 use std::f64::consts::SQRT_2;
+use std::path::Path;
 
 /// A room with a lamp in its ceiling's place and a sheet that throws a shadow.
 fn room(split: bool) -> Scene {
@@ -193,6 +195,17 @@ fn refinement_reaches_what_was_asked_and_goes_where_the_error_is() {
     assert!(adapted.solved.energy.defect() < 1e-9);
     let few = adapt::Options { most_coefficients: 100, ..to(0.01) };
     assert!(!adapt::solve(&room(false), &few, &Silent).expect("solved").reached);
+}
+
+/// There is no light in a walled-up room for an error to be relative to.
+#[test]
+fn a_focus_that_nothing_lights_has_no_infinite_error() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/two-rooms-walled.glb");
+    let scene = read_scene(&path).expect("a sample").0;
+    let options = adapt::Options { focus: Some(Focus::Name("floor 2".to_owned())), ..to(0.05) };
+    let adapted = adapt::solve(&scene, &options, &Silent).expect("solved");
+    let error = adapted.solved.error.expect("asked for");
+    assert!(adapted.reached && error.relative <= 0.05 && error.operator.is_finite(), "{error:?}");
 }
 
 /// Rays were cast for five times the tolerance, as pairs are integrated, and no mesh was fine enough.

@@ -423,6 +423,23 @@ fn a_floor_that_sees_a_quarter_of_a_lamp_gets_that_light() {
     }
 }
 
+/// Nearly all light of a far lamp escapes. Its pairs were allowed errors as if none did, a hundred times the light that there
+/// was: the operator said that it was wrong by 1000 %.
+#[test]
+fn errors_of_pairs_in_the_light_of_a_far_lamp_count_the_light_that_is_there() {
+    let mut mesh = meshes::room(DVec3::new(1.0, 1.0, 1.0), |face| face == 1);
+    mesh.cells.remove(1);
+    mesh.cells.iter_mut().enumerate().for_each(|(k, cell)| cell.surface = k as u32);
+    let lamp = [(0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)].map(|(x, y)| DVec3::new(x + 0.5, y + 0.5, 30.0));
+    meshes::face(&mut mesh, &lamp, 1);
+    let sun = Material { exitance: Quantity::gray(1e4), ..Material::diffuse("lamp", 0.0) };
+    let scene = Scene::new(mesh, vec![Material::diffuse("wall", 0.5), sun], Physics::Light, None).expect("valid");
+    let rough =
+        Options { tolerance: 0.1, ..options(exchange::kind(exchange::Dense::NAME).expect("a kind"), &BASES[1]) };
+    let [truth, estimate] = operator_errors(&scene, &rough, &Options { tolerance: 1e-3, ..rough });
+    assert!(estimate > truth && estimate < rough.tolerance, "{estimate} {truth}");
+}
+
 /// Where all light is a lamp's, all that rays err by is the border of its shadow.
 #[test]
 fn an_operator_of_rays_knows_what_it_errs_by_in_the_shadow_of_a_lamp() {

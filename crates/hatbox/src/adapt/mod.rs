@@ -129,7 +129,7 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
     loop {
         let started = Instant::now();
         let asked = options.tolerance / strictness.factor;
-        let strengths = radiosity::strengths(&scene);
+        let strengths = radiosity::strengths(&scene, &blockers);
         let (kind, why) = options.solve.operator.chosen(&problem(&scene, &blockers, &strengths, options, asked));
         let loosest = (kind.looseness * options.tolerance).min(OPERATOR_LOOSEST);
         (settings.operator, settings.tolerance) = (kind, loosest / strictness.factor);

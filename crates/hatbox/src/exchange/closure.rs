@@ -17,6 +17,7 @@
 use super::sealed::is_sealed;
 use super::{Exchange, Geometry, Statistics};
 use crate::assemble::function_weighted_mass;
+use crate::kernel::geometric;
 use crate::linalg::{BlockDiagonal, Csr, LinearOperator, MultiVector};
 use crate::mesh::Patch;
 use crate::progress::{Interrupted, Progress, Silent};
@@ -24,6 +25,7 @@ use crate::quadrature::sequence::{hash, point};
 use crate::scene::Scene;
 use crate::solve::{self, cg};
 use crate::space::FunctionSpace;
+use crate::visibility::{Bvh, Visibility};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -34,6 +36,9 @@ const GREATEST_DEFICIT: f64 = 0.05;
 const ESCAPE_RAYS: u32 = 16;
 /// Rays of all cells together, at the least: if none gets out, less than 3/200 000 of the light does (95 %).
 const ALL_ESCAPE_RAYS: usize = 200_000;
+/// Rays of lamps that are asked where they arrive, and how many must do so to be believed.
+const LAMP_RAYS: u32 = 4096;
+const ENOUGH_ARRIVED: usize = 64;
 /// Standard deviations of rays within which they may be wrong, and not what is integrated.
 const SCATTER: f64 = 3.0;
 /// Relative error of the row sums up to which S counts as balanced.
@@ -294,6 +299,54 @@ pub fn escape(geometry: &Geometry<'_>, seed: u64, progress: &dyn Progress) -> Re
         fraction: shares().map(|(share, fraction)| share * fraction).sum(),
         scatter: squares.sum::<f64>().sqrt(),
     })
+}
+
+/// The fraction of what cells emit that arrives at a side of a face that receives light; `powers` are those of the cells. Where few
+/// rays of lamps do, these are far, and segments between them and all cells tell more.
+pub fn arriving(scene: &Scene, blockers: &Bvh, powers: &[f64]) -> f64 {
+    if powers.iter().sum::<f64>() <= 0.0 {
+        return 1.0;
+    }
+    let (mesh, receives, lamps) = (&scene.mesh, receiving_sides(scene), by_weight(powers));
+    let arrives = |&(k, cell): &(u32, usize)| {
+        let (origin, direction) = cosine_ray(&mesh.patch(cell), point(0x006c_6967_6874, k));
+        let own = mesh.cells[cell].surface;
+        let hit = blockers.closest_hit(origin, direction, f64::INFINITY, |id, _| id != own);
+        hit.is_some_and(|hit| receives[hit.id as usize][usize::from(!hit.front)])
+    };
+    let arrived = (0..).zip(lamps.iter().copied()).filter(arrives).count();
+    if arrived >= ENOUGH_ARRIVED { arrived as f64 / f64::from(LAMP_RAYS) } else { seen_by_all(scene, blockers, &lamps) }
+}
+
+/// A_all G V on the average between these cells and others by area.
+fn seen_by_all(scene: &Scene, blockers: &Bvh, lamps: &[usize]) -> f64 {
+    let mesh = &scene.mesh;
+    let areas: Vec<f64> = (0..mesh.cells.len()).map(|cell| mesh.patch(cell).area()).collect();
+    let receivers = by_weight(&areas);
+    let share = |k: u32| {
+        // Lamps in the order of the scene, receivers in one that has nothing to do with it.
+        let other = k.reverse_bits() >> (u32::BITS - LAMP_RAYS.ilog2());
+        let cells = [lamps[k as usize], receivers[other as usize]];
+        let ([u, v, s, t], [a, b]) = (point(0x7061_6972, k), cells.map(|cell| mesh.patch(cell)));
+        let (x, y) = (a.point(a.shape().uniform([u, v])), b.point(b.shape().uniform([s, t])));
+        let g = geometric(x, a.normal(), y, b.normal());
+        let hidden = g <= 0.0 || blockers.occluded(x, y, cells.map(|cell| mesh.cells[cell].surface));
+        if hidden { 0.0 } else { g }
+    };
+    let mean = (0..LAMP_RAYS).map(share).sum::<f64>() / f64::from(LAMP_RAYS);
+    (mean * areas.iter().sum::<f64>()).min(1.0)
+}
+
+/// [`LAMP_RAYS`] cells, each as often as its weight has it.
+fn by_weight(weights: &[f64]) -> Vec<usize> {
+    let mut all = 0.0;
+    let mut end = |weight: &f64| {
+        all += weight;
+        all
+    };
+    let ends: Vec<f64> = weights.iter().map(&mut end).collect();
+    let share = |k: u32| all * (f64::from(k) + 0.5) / f64::from(LAMP_RAYS);
+    (0..LAMP_RAYS).map(|k| ends.partition_point(|&end| end <= share(k)).min(weights.len() - 1)).collect()
 }
 
 /// For each cell the fraction of cosine rays that hit nothing, or a side of a face that receives nothing. At least

@@ -50,7 +50,8 @@ impl<'a> Sources<'a> {
     /// Those with a strength that is chosen: their exitance relative to the mean irradiance, and 1 at the least.
     pub(super) fn of(solution: &'a Solution, chosen: impl Fn(f64) -> bool) -> Self {
         let (scene, space) = (&solution.scene, &solution.space);
-        let all = strengths(scene);
+        let blockers = Bvh::of_surfaces(&scene.surfaces);
+        let all = strengths(scene, &blockers);
         let cells: Vec<usize> = (0..all.len()).filter(|&cell| chosen(all[cell])).collect();
         let panels: Vec<Panel> = cells.iter().map(|&cell| Panel::of_cell(&scene.mesh, space, cell)).collect();
         Self {
@@ -59,7 +60,7 @@ impl<'a> Sources<'a> {
             strengths: cells.iter().map(|&cell| all[cell]).collect(),
             cells,
             occluders: Occluders::new(&scene.surfaces),
-            blockers: Bvh::of_surfaces(&scene.surfaces),
+            blockers,
             solution,
         }
     }

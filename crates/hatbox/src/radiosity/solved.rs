@@ -9,6 +9,8 @@ use crate::progress::Progress;
 use crate::scene::{Scene, SceneError};
 use crate::solve::{self, Info, SolveError};
 use crate::space::{CREASE_ANGLE, Continuity, FunctionSpace, NoElement};
+use crate::visibility::Bvh;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// What a user chooses.
@@ -180,13 +182,14 @@ impl System {
     pub fn of_cells(scene: Scene, options: &Options, progress: &dyn Progress) -> Result<Self, Error> {
         let started = Instant::now();
         let space = FunctionSpace::new(&scene, options.basis, options.continuity)?;
+        let blockers = Arc::new(Bvh::of_surfaces(&scene.surfaces));
         let params = exchange::Params {
             seed: options.seed,
-            strengths: strengths(&scene),
+            strengths: strengths(&scene, &blockers),
             memory: options.memory,
             ..exchange::Params::new(options.tolerance)
         };
-        let mut system = Self::new(scene, space, options.operator, &params, progress)?;
+        let mut system = Self::among(scene, blockers, space, options.operator, &params, progress)?;
         system.operator_time = started.elapsed();
         Ok(system)
     }

@@ -31,8 +31,9 @@ const MOST_BOUNCES: usize = 100_000;
 /// greatest gain among the first.
 const NORM_STEPS: [usize; 2] = [12, 4];
 
-/// How strongly the light of each cell counts: its exitance over the mean irradiance that the scene's power makes.
-pub(crate) fn strengths(scene: &Scene) -> Vec<f64> {
+/// How strongly the light of each cell counts: its exitance over the mean irradiance that the scene's power makes, as far as it
+/// arrives anywhere: nearly all light of a sun does not.
+pub(crate) fn strengths(scene: &Scene, blockers: &Bvh) -> Vec<f64> {
     let cells = scene.mesh.cells.len();
     let exitance = |cell: usize| {
         let site = scene.site(cell, [1.0 / 3.0, 1.0 / 3.0]);
@@ -43,7 +44,8 @@ pub(crate) fn strengths(scene: &Scene) -> Vec<f64> {
         (0..scene.bands).map(|b| 1.0 - scene.material(cell).reflectance.at(&site, b)).sum::<f64>() / scene.bands as f64
     };
     let areas: Vec<f64> = (0..cells).map(|cell| scene.mesh.patch(cell).area()).collect();
-    let power: f64 = (0..cells).map(|cell| areas[cell] * exitance(cell)).sum();
+    let powers: Vec<f64> = (0..cells).map(|cell| areas[cell] * exitance(cell)).collect();
+    let power = powers.iter().sum::<f64>() * exchange::arriving(scene, blockers, &powers);
     let sink: f64 = (0..cells).map(|cell| areas[cell] * absorbed(cell)).sum();
     let mean = power / sink.max(0.05 * areas.iter().sum::<f64>());
     (0..cells).map(|cell| if mean > 0.0 { (exitance(cell) / mean).max(1.0) } else { 1.0 }).collect()
@@ -129,8 +131,21 @@ impl System {
         params: &exchange::Params,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
+        let blockers = Arc::new(Bvh::of_surfaces(&scene.surfaces));
+        Self::among(scene, blockers, space, kind, params, progress)
+    }
+
+    /// Builds the operator for the faces of the scene in their tree.
+    pub(super) fn among(
+        scene: Scene,
+        blockers: Arc<Bvh>,
+        space: FunctionSpace,
+        kind: &'static exchange::Kind,
+        params: &exchange::Params,
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
         let started = Instant::now();
-        let (panels, blockers) = (Arc::new(OnceLock::new()), Arc::new(Bvh::of_surfaces(&scene.surfaces)));
+        let panels = Arc::new(OnceLock::new());
         let mass = mass(&scene, &space);
         let mass_inverse = mass.inverse().ok_or(Error::Degenerate)?;
         let geometry = Geometry::new(&scene, &space, &blockers, &panels);
@@ -214,7 +229,7 @@ impl System {
             Ok(space) if space.continuity() != self.space.continuity() => self.rejoin(space),
             _ => {}
         }
-        self.strengths = strengths(&self.scene);
+        self.strengths = strengths(&self.scene, &self.blockers);
         self.load = OnceLock::new();
         self.operator_time = Duration::ZERO;
         Ok(())

@@ -2,6 +2,7 @@ use super::{Files, assert_close, material, png, rgb};
 use glam::DVec3;
 use hatbox::io::read::EXAMPLE;
 use hatbox::scene::{Physics, STEFAN_BOLTZMANN};
+use std::path::Path;
 
 const OBJ: &[u8] =
     b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\no floor\nusemtl floor\nf 1 2 3 4\no stove\nusemtl stove\nf 1 4 3\n";
@@ -69,4 +70,11 @@ fn faces_without_sides_only_block() {
     let hatbox::io::RawScene { mesh, materials, physics, .. } = scene;
     let built = hatbox::scene::Scene::new(mesh, materials, physics, None).expect("a scene");
     assert_eq!((built.surfaces.len(), built.mesh.cells.len()), (2, 1));
+}
+
+#[test]
+fn the_guide_shows_every_key() {
+    let guide = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../book/scene-files.md");
+    let text = std::fs::read_to_string(guide).expect("a file of the repository");
+    assert!(text.contains(EXAMPLE.trim_end()), "copy example.toml into book/scene-files.md");
 }
