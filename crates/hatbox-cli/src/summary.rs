@@ -15,7 +15,7 @@ const SHOWN_SURFACES: usize = 8;
 
 /// Row sums that are off by no more are so by rounding.
 const EXACT: f64 = 1e-12;
-/// Row sums that are off by more were integrated right and belong to a scene that is wrong.
+/// Row sums that are off by more may be those of a scene that is wrong.
 const WRONG: f64 = 0.05;
 
 /// What a closed scene may lose of its power without a word: a digit less than is shown.
@@ -152,7 +152,7 @@ fn operator(lines: &mut Lines, report: &Report) {
         };
         lines.more(&format!("closed scene; row sums were {sums}"));
         if closure.deficit > WRONG && !closure.balanced {
-            lines.more("that is more than errors of integration: do faces lie on each other? see `hatbox check`");
+            lines.more("if that is not noise of rays, faces may lie on each other: `hatbox check` says so");
         }
     }
 }

@@ -7,7 +7,7 @@
 //! Numerica 10, 2001). So indicators outside are multiplied with what a cell cannot represent of ψ, and with a part of ψ
 //! itself, because r is orthogonal to joined functions only, and no better than quadrature is, and because what is estimated is
 //! the norm within the focus and not its mean. How large a part is a guess that hardly matters: with a tenth of it the dark one
-//! of two rooms takes 1 to 5 % fewer unknowns. ψ alone as the weight was
+//! of two rooms took nearly as many unknowns. ψ alone as the weight was
 //! tried: it refines where the focus has no use for it.
 
 use crate::linalg::MultiVector;

@@ -36,6 +36,8 @@ const GREATEST_DEFICIT: f64 = 0.05;
 const ESCAPE_RAYS: u32 = 16;
 /// Rays of all cells together, at the least: if none gets out, less than 3/200 000 of the light does (95 %).
 const ALL_ESCAPE_RAYS: usize = 200_000;
+/// A cell is large if it is more than this share of all area.
+const LARGE_SHARE: f64 = 0.01;
 /// Rays of lamps that are asked where they arrive, and how many must do so to be believed.
 const LAMP_RAYS: u32 = 4096;
 const ENOUGH_ARRIVED: usize = 64;
@@ -280,7 +282,7 @@ pub struct Escape {
     /// The fraction of it.
     pub fraction: f64,
     /// How far that may be wrong: three standard deviations. Each cell has as many rays, so that it is the large ones that
-    /// scatter.
+    /// scatter, also where all of their rays were of one mind.
     pub scatter: f64,
 }
 
@@ -294,18 +296,30 @@ pub fn escape(geometry: &Geometry<'_>, seed: u64, progress: &dyn Progress) -> Re
     let area = mesh.area().max(f64::MIN_POSITIVE);
     let shares = || fractions.iter().enumerate().map(|(cell, fraction)| (mesh.patch(cell).area() / area, fraction));
     let rays = f64::from(rays_per_cell(fractions.len(), 0));
-    let squares = shares().map(|(share, &fraction)| (share * scatter(fraction, rays)).powi(2));
+    let doubted = |share: f64, fraction: f64| {
+        if share > LARGE_SHARE { (fraction * rays + 1.0) / (rays + 2.0) } else { fraction }
+    };
+    let squares = shares().map(|(share, &fraction)| (share * scatter(doubted(share, fraction), rays)).powi(2));
     Ok(Escape {
         fraction: shares().map(|(share, fraction)| share * fraction).sum(),
         scatter: squares.sum::<f64>().sqrt(),
     })
 }
 
+/// How much of what a scene's lamps emit arrives at its surfaces.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Arriving {
+    /// The fraction.
+    pub fraction: f64,
+    /// Whether that is what arrives at cells that emit nothing: few rays of lamps arrive at any.
+    pub elsewhere: bool,
+}
+
 /// The fraction of what cells emit that arrives at a side of a face that receives light; `powers` are those of the cells. Where few
-/// rays of lamps do, these are far, and segments between them and all cells tell more.
-pub fn arriving(scene: &Scene, blockers: &Bvh, powers: &[f64]) -> f64 {
+/// rays of lamps do, these are far or hidden, and segments between them and what emits nothing tell more.
+pub fn arriving(scene: &Scene, blockers: &Bvh, powers: &[f64]) -> Arriving {
     if powers.iter().sum::<f64>() <= 0.0 {
-        return 1.0;
+        return Arriving { fraction: 1.0, elsewhere: false };
     }
     let (mesh, receives, lamps) = (&scene.mesh, receiving_sides(scene), by_weight(powers));
     let arrives = |&(k, cell): &(u32, usize)| {
@@ -315,14 +329,21 @@ pub fn arriving(scene: &Scene, blockers: &Bvh, powers: &[f64]) -> f64 {
         hit.is_some_and(|hit| receives[hit.id as usize][usize::from(!hit.front)])
     };
     let arrived = (0..).zip(lamps.iter().copied()).filter(arrives).count();
-    if arrived >= ENOUGH_ARRIVED { arrived as f64 / f64::from(LAMP_RAYS) } else { seen_by_all(scene, blockers, &lamps) }
+    let by_rays = arrived as f64 / f64::from(LAMP_RAYS);
+    let area = |cell: usize| if powers[cell] == 0.0 { mesh.patch(cell).area() } else { 0.0 };
+    let dark: Vec<f64> = (0..mesh.cells.len()).map(area).collect();
+    if arrived >= ENOUGH_ARRIVED || dark.iter().all(|&area| area == 0.0) {
+        return Arriving { fraction: by_rays.max(1.0 / f64::from(LAMP_RAYS)), elsewhere: false };
+    }
+    let seen = seen_by(scene, blockers, &lamps, &dark);
+    // What neither has found is at most what one ray would mean.
+    let fraction = if seen > 0.0 { seen.max(by_rays) } else { by_rays.max(1.0 / f64::from(LAMP_RAYS)) };
+    Arriving { fraction, elsewhere: true }
 }
 
-/// A_all G V on the average between these cells and others by area.
-fn seen_by_all(scene: &Scene, blockers: &Bvh, lamps: &[usize]) -> f64 {
-    let mesh = &scene.mesh;
-    let areas: Vec<f64> = (0..mesh.cells.len()).map(|cell| mesh.patch(cell).area()).collect();
-    let receivers = by_weight(&areas);
+/// A G V on the average between these cells and others with such areas, A in all.
+fn seen_by(scene: &Scene, blockers: &Bvh, lamps: &[usize], areas: &[f64]) -> f64 {
+    let (mesh, receivers) = (&scene.mesh, by_weight(areas));
     let share = |k: u32| {
         // Lamps in the order of the scene, receivers in one that has nothing to do with it.
         let other = k.reverse_bits() >> (u32::BITS - LAMP_RAYS.ilog2());

@@ -6,7 +6,7 @@
 //! cast only where too many of them stand in the way.
 
 use super::Solution;
-use super::system::strengths;
+use super::strengths::strengths;
 use crate::assemble::{Panel, Region};
 use crate::exchange::{Panorama, PointRow, Viewpoint, Views};
 use crate::kernel::geometric;

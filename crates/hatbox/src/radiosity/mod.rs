@@ -20,6 +20,7 @@ mod residual;
 mod solution;
 mod solved;
 mod spread;
+mod strengths;
 mod system;
 
 pub use direct::{Direct, Projected};
@@ -31,5 +32,5 @@ pub use reconstruct::{error_of, gathered};
 pub use residual::{ErrorEstimate, Estimated, Sampling, estimate_error};
 pub use solution::{Shown, Solution};
 pub use solved::{Energy, Error, MaterialsError, Options, Solved, solve};
+pub(crate) use strengths::strengths;
 pub use system::System;
-pub(crate) use system::strengths;

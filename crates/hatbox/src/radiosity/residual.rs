@@ -167,7 +167,7 @@ struct Measure<'a> {
     solution: &'a Solution,
     sampling: &'a Sampling<'a>,
     areas: Vec<f64>,
-    /// ‖B̃ − B⁰‖ within, per band; everywhere if that is 0.
+    /// ‖B̃ − B⁰‖ within, per band; everywhere if that is nothing.
     norms: Vec<f64>,
     /// Δ⁻¹(b⁰ + M_R e).
     reflected: MultiVector,
@@ -192,7 +192,11 @@ impl<'a> Measure<'a> {
         measure.norms = measure.norms_within(&light);
         // Where nothing lights what is asked of, there is no light there to be relative to.
         let everywhere = light.dot(&system.mass().times(&light)).into_iter().map(root);
-        measure.norms.iter_mut().zip(everywhere).filter(|(norm, _)| **norm == 0.0).for_each(|(norm, all)| *norm = all);
+        measure.norms.iter_mut().zip(everywhere).for_each(|(norm, all)| {
+            if *norm <= ROUNDING * all {
+                *norm = all;
+            }
+        });
         measure
     }
 

@@ -1,6 +1,6 @@
 //! What a user asks for and gets: a scene solved in one go.
 
-use super::system::strengths;
+use super::strengths::strengths;
 use super::{ErrorEstimate, Estimated, Sampling, Solution, System, estimate_error};
 use crate::element::{ALL, Basis};
 use crate::exchange::{self, Exchange, ExchangeError, Statistics};

@@ -2,6 +2,7 @@ use super::lossless::lossless;
 use super::operators::{Arriving, Equation, InverseMass, Join, Mass, Reflection, Symmetric, Transport, preconditioner};
 use super::products::{Asked, Part, Products};
 use super::residual::greater;
+use super::strengths::strengths;
 use super::{Energy, Error, Gather, MaterialsError, Solution};
 use crate::assemble::{Accuracy, Block, Panel, load, mass, weighted_mass};
 use crate::exchange::{self, Balanced, Escape, Exchange, ExchangeError, Geometry, Panorama};
@@ -30,26 +31,6 @@ const MOST_BOUNCES: usize = 100_000;
 /// Steps of Arnoldi's method for the norm of the operator: an exact one costs little to apply, a sampled one has its
 /// greatest gain among the first.
 const NORM_STEPS: [usize; 2] = [12, 4];
-
-/// How strongly the light of each cell counts: its exitance over the mean irradiance that the scene's power makes, as far as it
-/// arrives anywhere: nearly all light of a sun does not.
-pub(crate) fn strengths(scene: &Scene, blockers: &Bvh) -> Vec<f64> {
-    let cells = scene.mesh.cells.len();
-    let exitance = |cell: usize| {
-        let site = scene.site(cell, [1.0 / 3.0, 1.0 / 3.0]);
-        (0..scene.bands).map(|band| scene.material(cell).exitance.at(&site, band)).sum::<f64>()
-    };
-    let absorbed = |cell: usize| {
-        let site = scene.site(cell, [1.0 / 3.0, 1.0 / 3.0]);
-        (0..scene.bands).map(|b| 1.0 - scene.material(cell).reflectance.at(&site, b)).sum::<f64>() / scene.bands as f64
-    };
-    let areas: Vec<f64> = (0..cells).map(|cell| scene.mesh.patch(cell).area()).collect();
-    let powers: Vec<f64> = (0..cells).map(|cell| areas[cell] * exitance(cell)).collect();
-    let power = powers.iter().sum::<f64>() * exchange::arriving(scene, blockers, &powers);
-    let sink: f64 = (0..cells).map(|cell| areas[cell] * absorbed(cell)).sum();
-    let mean = power / sink.max(0.05 * areas.iter().sum::<f64>());
-    (0..cells).map(|cell| if mean > 0.0 { (exitance(cell) / mean).max(1.0) } else { 1.0 }).collect()
-}
 
 /// The greatest reflectance of any cell in any band, at its middle.
 fn greatest_reflectance(scene: &Scene) -> f64 {

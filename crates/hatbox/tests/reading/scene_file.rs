@@ -78,3 +78,15 @@ fn the_guide_shows_every_key() {
     let text = std::fs::read_to_string(guide).expect("a file of the repository");
     assert!(text.contains(EXAMPLE.trim_end()), "copy example.toml into book/scene-files.md");
 }
+
+/// The mesh has no `.mtl`; what the scene file says of a material is not assumed.
+#[test]
+fn nothing_is_said_to_be_assumed_that_the_scene_file_gives() {
+    let mesh = "[[mesh]]\nfile = \"box.obj\"\n";
+    let said = |text: &str| read(&format!("{mesh}{text}")).warnings;
+    assert_eq!(said("").len(), 2, "{:?}", said(""));
+    let [stove] = &said("[material.floor]\nreflectance = 0.2\n")[..] else { panic!("the stove's") };
+    assert!(stove.contains("`stove`") && stove.contains("assumed"), "{stove}");
+    assert_eq!(said("[material.\"*\"]\nreflectance = 0.2\n"), [""; 0]);
+    assert_eq!(said("[material.\"*\"]\nexitance = 2.0\n").len(), 2, "the reflectance is still assumed");
+}

@@ -225,7 +225,7 @@ impl Received {
             && self.ends.last().copied().unwrap_or(0) as usize == self.lamps.len()
             && self.values.len() == self.width * self.lamps.len()
             && self.lamps.iter().all(|&lamp| (lamp as usize) < expected.lamps)
-            && self.in_doubt.is_sorted()
+            && self.in_doubt.is_sorted_by(|a, b| a < b)
             && self.in_doubt.last().is_none_or(|&entry| (entry as usize) < self.lamps.len())
             && self.doubts.len() == self.width * self.in_doubt.len()
     }
@@ -429,6 +429,10 @@ mod tests {
         let mut broken = hits();
         broken.arrived[0] ^= 1 << 5;
         assert_eq!(Traced::from_bytes(&of(broken, lit()).to_bytes(), &expected()), None, "a hit for each bit");
+        for in_doubt in [vec![2, 1, 3], vec![1, 1, 3], vec![1, 2, 4], vec![1, 2]] {
+            let bytes = of(hits(), Received { in_doubt, ..lit() }).to_bytes();
+            assert_eq!(Traced::from_bytes(&bytes, &expected()), None, "each entry once, in order, with its doubts");
+        }
         let mut narrow = bytes;
         narrow[32..40].fill(0);
         assert_eq!(Traced::from_bytes(&narrow, &expected()), None, "no coefficients");

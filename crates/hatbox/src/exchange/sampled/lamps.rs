@@ -12,9 +12,13 @@
 //! own rays start from, by a ray each, so that its error falls with theirs. A quarter of those points are asked whether the rule has
 //! missed something. What each half of those points has seen tells that error.
 //!
-//! How many rays a point sends does not depend on what they meet. More of them where the first ones disagree was a mistake: a
-//! lamp that is a quarter visible is missed by all of few rays more often than it is met by all of them, so that nobody asks on,
-//! and its light is too little on the average, with any number of points.
+//! How many rays a point sends to a lamp does not depend on what they meet. More of them where the first ones disagree was a
+//! mistake: a lamp that is a quarter visible is missed by all of few rays more often than it is met by all of them, so that nobody
+//! asks on, and its light is too little on the average, with any number of points. (Whether a cell looks from all of its points does
+//! depend on rays: those of the rule and of a quarter of its points; a lamp of which all of them miss a hundredth is whole.)
+//!
+//! A point of a rule takes the share of its rays that arrive for that of ∫G. By one ray alone that is the share of the area, which is
+//! not the same for a lamp that is large for its distance; such lamps have more of the budget.
 //!
 //! A point has a budget of shadow rays, shared among the lamps by how much they can give at most; a lamp whose share is
 //! less than one ray gets one with that probability, and counts accordingly more. Who does is not decided for each lamp on
@@ -29,7 +33,7 @@ use super::cells::Cells;
 use super::fit::{Matrix, Take, factor, mean_mass, solve};
 use super::lamp_tree::{Bulb, CUT, Chosen, LampTree};
 use super::rays::{Points, Tracer};
-use crate::assemble::{Panel, point_row};
+use crate::assemble::{Panel, Region, point_row};
 use crate::element::{ALL, Element, MAX_DOFS};
 use crate::exchange::{Geometry, Params};
 use crate::kernel::geometric;
@@ -195,20 +199,24 @@ impl Lamps {
         }
         let (surface, block) = (cells.surface(cell), tracer.block_of(cell));
         let net = Net { points: &receivers.net, doubts: &receivers.doubts, cell: &patch, surface, block };
-        let mut more = 0;
+        rays += u64::from(self.look_at_mixed(&mut found, &net, n, &tracer.blockers));
+        found.retain(|view| view.most > 0.0);
+        (found.iter().map(View::entry).collect(), rays)
+    }
+
+    /// Has a cell look again at lamps where the border of a shadow passes; gives the number of rays.
+    fn look_at_mixed(&self, found: &mut [View], net: &Net<'_>, dofs: usize, blockers: &Bvh) -> u32 {
+        let (mut rays, mut more) = (0, 0);
         let mixed = |view: &&mut View| {
-            let (between, cast) =
-                if view.is_mixed() { (true, 0) } else { self.is_mixed_between(view, &net, &tracer.blockers) };
+            let (between, cast) = if view.is_mixed() { (true, 0) } else { self.is_mixed_between(view, net, blockers) };
             more += cast;
             between
         };
         let for_themselves = found.iter_mut().filter(|view| view.for_itself);
         for view in for_themselves.filter(mixed).take(MOST_MIXED) {
-            rays += u64::from(self.look_from_all(view, &net, n, &tracer.blockers));
+            rays += self.look_from_all(view, net, dofs, blockers);
         }
-        rays += u64::from(more);
-        found.retain(|view| view.most > 0.0);
-        (found.iter().map(View::entry).collect(), rays)
+        rays + more
     }
 
     /// Whether a lamp that the points of the rule see whole, or not at all, is seen otherwise by some of the points that rays start
@@ -291,17 +299,19 @@ impl Lamps {
         let Some([whole, ..]) = point_row(&lamp.panel, x, n) else { return Look::default() };
         let rays = (share.ceil().max(1.0) as u32).next_power_of_two();
         let (net, first, panel) = (hash(draw.net, u64::from(k)), draw.part.wrapping_mul(rays), &lamp.panel);
+        // What lies below the horizon is no part of ∫G.
+        let Some(above) = Region::in_front(&panel.patch, x, n) else { return Look::default() };
         let (mut seen, mut all) = (0.0, 0.0);
         for ray in 0..rays {
             let [u, v, ..] = point(net, first.wrapping_add(ray));
-            let y = panel.sample(u, v);
+            let y = if above.whole { panel.sample(u, v) } else { above.sample(u, v) };
             let g = geometric(x, n, y, panel.normal());
             all += g;
             if g > 0.0 && !blockers.occluded(x, y, [surface, panel.surface]) {
                 seen += g;
             }
         }
-        let mean = panel.area() / f64::from(rays);
+        let mean = above.area() / f64::from(rays);
         Look { whole, sought: mean * all, met: mean * seen, cast: rays }
     }
 

@@ -237,8 +237,8 @@ impl Sampled {
         let found = self.read::<N, B>(&rays, source, work);
         table.fit::<N, B>(&rays, take, &found, source.bands, work);
         work.cast_hits = cast;
-        let of_lamps = self.direct[cell / CHUNK].values_of(index, take);
-        let lamps = if among_lamps { Lit::NOT } else { self.lamps_of(cell, index).with(&of_lamps) };
+        let of_lamps = (!among_lamps).then(|| self.direct[cell / CHUNK].values_of(index, take));
+        let lamps = of_lamps.as_ref().map_or(Lit::NOT, |values| self.lamps_of(cell, index).with(values));
         self.combine::<N, B>(cell, lamps, &source.means, found.lamp, work);
         self.integrate::<N, B>(cell, source.bands, work);
     }

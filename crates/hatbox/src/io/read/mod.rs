@@ -44,19 +44,24 @@ pub struct RawScene {
     pub camera: Option<Camera>,
     /// What was left out or guessed, each with its file and place.
     pub warnings: Vec<String>,
+    /// Materials whose reflectance was guessed, each with what `warnings` say of it: no more, where a scene file gives one.
+    pub guessed: Vec<[String; 2]>,
 }
 
 impl RawScene {
     /// The scene of a format that knows no materials.
     fn without_materials(file: &Path, builder: MeshBuilder) -> Result<Self, ReadError> {
         let text = format!("it has no materials: reflectance {DEFAULT_REFLECTANCE} is assumed; set it in a scene file");
-        let mut warnings = vec![format!("{}: {text}", file.display())];
+        let name = "default";
+        let warning = format!("{}: {text}", file.display());
+        let (mut warnings, guessed) = (vec![warning.clone()], vec![[name.to_owned(), warning]]);
         Ok(Self {
             mesh: builder.finish(file, &mut warnings)?,
-            materials: vec![Material::diffuse("default", DEFAULT_REFLECTANCE)],
+            materials: vec![Material::diffuse(name, DEFAULT_REFLECTANCE)],
             physics: Physics::Light,
             camera: None,
             warnings,
+            guessed,
         })
     }
 }
@@ -144,7 +149,7 @@ pub static FORMATS: [Format; 6] = [
 /// # Errors
 /// What is wrong with the file, and where.
 pub fn read_scene(path: &Path) -> Result<(Scene, Vec<String>), ReadError> {
-    let RawScene { mesh, materials, physics, camera, mut warnings } = read_raw(path)?;
+    let RawScene { mesh, materials, physics, camera, mut warnings, guessed: _ } = read_raw(path)?;
     let scene = Scene::new(mesh, materials, physics, camera)
         .map_err(|error| ReadError::new(path, "", error.to_string(), "run `hatbox check` on it to see more"))?;
     warnings.extend(scene.warnings.iter().map(ToString::to_string));

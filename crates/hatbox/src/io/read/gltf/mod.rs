@@ -47,7 +47,8 @@ pub(super) fn read(file: &Path) -> Result<RawScene, ReadError> {
     let Reader { builder, palette, camera, mut warnings, .. } = reader;
     let mesh = builder.finish(file, &mut warnings)?;
     let materials = palette.finish(&mut warnings);
-    Ok(RawScene { mesh, materials, physics: Physics::Light, camera, warnings: files::without_repeats(warnings) })
+    let warnings = files::without_repeats(warnings);
+    Ok(RawScene { mesh, materials, physics: Physics::Light, camera, warnings, guessed: Vec::new() })
 }
 
 /// A parsed file with its bytes.

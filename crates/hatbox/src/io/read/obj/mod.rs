@@ -53,6 +53,7 @@ struct Reader<'a> {
     /// How many statements were skipped, and the first of them.
     skipped: Option<(usize, String)>,
     warnings: Vec<String>,
+    guessed: Vec<[String; 2]>,
 }
 
 /// One corner of a face: indices of its position, texture coordinates and normal.
@@ -81,6 +82,7 @@ impl<'a> Reader<'a> {
             materials: Vec::new(),
             skipped: None,
             warnings: Vec::new(),
+            guessed: Vec::new(),
         }
     }
 
@@ -194,8 +196,9 @@ impl<'a> Reader<'a> {
             let what =
                 if self.material.is_some() { "is in no .mtl that was read" } else { "stands for faces without one" };
             let file = self.file.display();
-            self.warnings
-                .push(format!("{file}: material `{name}` {what}: reflectance {DEFAULT_REFLECTANCE} is assumed"));
+            let warning = format!("{file}: material `{name}` {what}: reflectance {DEFAULT_REFLECTANCE} is assumed");
+            self.guessed.push([name.to_owned(), warning.clone()]);
+            self.warnings.push(warning);
             Material::diffuse(name, DEFAULT_REFLECTANCE)
         });
         let index = self.materials.len() as u32;
@@ -216,6 +219,7 @@ impl<'a> Reader<'a> {
             physics: Physics::Light,
             camera: None,
             warnings: files::without_repeats(self.warnings),
+            guessed: self.guessed,
         })
     }
 }

@@ -21,6 +21,7 @@ pub(super) fn meshes(source: &Source<'_>, entries: &[MeshEntry], metres: f64) ->
         physics: Physics::Light,
         camera: None,
         warnings: Vec::new(),
+        guessed: Vec::new(),
     };
     for entry in entries {
         let (part, in_metres) = open(source, entry)?;
@@ -112,6 +113,7 @@ fn append(scene: &mut RawScene, part: RawScene, placement: &DMat4, prefix: &str)
     }));
     scene.materials.extend(part.materials);
     scene.warnings.extend(part.warnings);
+    scene.guessed.extend(part.guessed);
 }
 
 fn group(mesh: &mut Mesh, name: String) -> u32 {

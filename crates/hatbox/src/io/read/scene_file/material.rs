@@ -40,6 +40,11 @@ pub(super) fn apply(
         for (_, overlay) in &meant {
             overlay.lay_emission_over(material);
         }
+        if meant.iter().any(|(_, overlay)| overlay.reflectance.is_some()) {
+            let no_more =
+                |warning: &String| scene.guessed.iter().any(|[name, text]| *name == material.name && text == warning);
+            scene.warnings.retain(|warning| !no_more(warning));
+        }
     }
     Ok(())
 }

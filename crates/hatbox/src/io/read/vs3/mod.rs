@@ -260,7 +260,14 @@ impl<'a> Reader<'a> {
             materials.push(Material { blocks_only, ..Material::diffuse(name, 1.0 - entry.emittance) });
         }
         let mesh = builder.finish(self.file, &mut self.warnings)?;
-        Ok(RawScene { mesh, materials, physics: Physics::Heat, camera: None, warnings: self.warnings })
+        Ok(RawScene {
+            mesh,
+            materials,
+            physics: Physics::Heat,
+            camera: None,
+            warnings: self.warnings,
+            guessed: Vec::new(),
+        })
     }
 
     /// The names of the surfaces, with the number where another before has the same.
