@@ -13,7 +13,7 @@
 //!
 //! Orders are not mixed. Linear functions were tried on cells that are to be refined where quadratic ones do not pay: where what
 //! these add to linear ones is no more than the indicated error. For the same estimate that took as many unknowns on the
-//! Cornell box, and a sixth fewer in two rooms at best: under a lamp that is no point the light has a continuous slope at the
+//! Cornell box, and hardly fewer in two rooms: under a lamp that is no point the light has a continuous slope at the
 //! borders of half-shadows, and quadratic functions do pay there.
 //!
 //! Every round builds its operator afresh. Blocks of cells that did not change could be copied from the last one: vertices
