@@ -80,7 +80,7 @@ pub(crate) struct SolveArgs {
     #[arg(long, value_name = "NAME|BOX", conflicts_with_all = ["max_edge", "elements"], allow_hyphen_values = true)]
     pub(crate) focus: Option<String>,
     /// Gather the light once more at the vertices of the output: half an order more accurate there, with sharper shadows; between
-    /// them it is interpolated, and on coarse meshes less accurate than without
+    /// them it is interpolated, and may be less accurate than without
     #[arg(long)]
     pub(crate) gather: bool,
     /// Put vertices of the subdivision at t^Q from the edges of faces: finer there, where light varies most

@@ -5,6 +5,7 @@ use crate::commands::check::Done as Checked;
 use crate::commands::factors::{Closure, Done as Factors};
 use crate::commands::solve::Done;
 use crate::style::Style;
+use hatbox::exchange::GREATEST_DEFICIT;
 use hatbox::report::Report;
 use hatbox::view_factors::{Estimate, ViewFactors};
 use std::fmt::Write as _;
@@ -15,8 +16,6 @@ const SHOWN_SURFACES: usize = 8;
 
 /// Row sums that are off by no more are so by rounding.
 const EXACT: f64 = 1e-12;
-/// Row sums that are off by more may be those of a scene that is wrong.
-const WRONG: f64 = 0.05;
 
 /// What a closed scene may lose of its power without a word: a digit less than is shown.
 const SMALL_LOSS: f64 = 5e-4;
@@ -151,7 +150,7 @@ fn operator(lines: &mut Lines, report: &Report) {
             (true, false) => off,
         };
         lines.more(&format!("closed scene; row sums were {sums}"));
-        if closure.deficit > WRONG && !closure.balanced {
+        if closure.deficit > GREATEST_DEFICIT && !closure.balanced {
             lines.more("if that is not noise of rays, faces may lie on each other: `hatbox check` says so");
         }
     }

@@ -31,7 +31,7 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// A scene is scaled only where the row sums are off by less than this; larger deficits are an error to be found.
-const GREATEST_DEFICIT: f64 = 0.05;
+pub const GREATEST_DEFICIT: f64 = 0.05;
 /// Rays per cell that look for a way out, at the least.
 const ESCAPE_RAYS: u32 = 16;
 /// Rays of all cells together, at the least: if none gets out, less than 3/200 000 of the light does (95 %).
@@ -433,4 +433,26 @@ pub(super) fn cosine_ray(patch: &Patch, [u, v, s, t]: [f64; 4]) -> (DVec3, DVec3
     let (radius, angle) = (s.sqrt(), TAU * t);
     let direction = e1 * (radius * angle.cos()) + normal.cross(e1) * (radius * angle.sin()) + normal * (1.0 - s).sqrt();
     (patch.point(patch.shape().uniform([u, v])), direction)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::element::{ALL, Shape};
+    use crate::mesh::{Cell, Mesh};
+    use crate::scene::{Material, Physics};
+    use std::sync::{Arc, OnceLock};
+
+    /// That all rays of a large cell are of one mind leaves room for what one more would have said.
+    #[test]
+    fn what_escapes_of_a_large_cell_is_never_known_for_sure() {
+        let vertices = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| DVec3::new(x, y, 0.0)).to_vec();
+        let cell = Cell { shape: Shape::Quad, vertices: [0, 1, 2, 3], material: 0, group: 0, surface: 0 };
+        let mesh = Mesh { vertices, cells: vec![cell], groups: vec![String::new()], ..Mesh::default() };
+        let scene = Scene::new(mesh, vec![Material::diffuse("sheet", 0.5)], Physics::Light, None).expect("valid");
+        let space = FunctionSpace::broken(&scene.mesh, &ALL[0]).expect("an element");
+        let (panels, blockers) = (OnceLock::new(), Arc::new(Bvh::of_surfaces(&scene.surfaces)));
+        let found = escape(&Geometry::new(&scene, &space, &blockers, &panels), 0, &Silent).expect("not stopped");
+        assert!((found.fraction - 1.0).abs() < 1e-12 && found.scatter > 1e-6 && found.scatter < 1e-3, "{found:?}");
+    }
 }

@@ -15,7 +15,9 @@ mod sealed;
 mod tree;
 
 pub use choice::{AUTO, Problem, choose};
-pub use closure::{Arriving, Balanced, Closure, Escape, arriving, escape, escapes, rays_per_cell, scatter};
+pub use closure::{
+    Arriving, Balanced, Closure, Escape, GREATEST_DEFICIT, arriving, escape, escapes, rays_per_cell, scatter,
+};
 pub use dense::{Dense, Panorama, PointRow, RowFacts, Viewpoint, Views};
 pub use hierarchical::Hierarchical;
 pub use norm::norm;

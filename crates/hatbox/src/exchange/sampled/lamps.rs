@@ -206,40 +206,44 @@ impl Lamps {
 
     /// Has a cell look again at lamps where the border of a shadow passes; gives the number of rays.
     fn look_at_mixed(&self, found: &mut [View], net: &Net<'_>, dofs: usize, blockers: &Bvh) -> u32 {
-        let (mut rays, mut more) = (0, 0);
-        let mixed = |view: &&mut View| {
-            let (between, cast) = if view.is_mixed() { (true, 0) } else { self.is_mixed_between(view, net, blockers) };
-            more += cast;
-            between
-        };
-        let for_themselves = found.iter_mut().filter(|view| view.for_itself);
-        for view in for_themselves.filter(mixed).take(MOST_MIXED) {
-            rays += self.look_from_all(view, net, dofs, blockers);
+        let (mut rays, mut left) = (0, MOST_MIXED);
+        for view in found.iter_mut().filter(|view| view.for_itself) {
+            if left == 0 {
+                break;
+            }
+            let looks = if view.is_mixed() { Vec::new() } else { self.looks_between(view, net, blockers) };
+            if view.is_mixed() || looks.last().is_some_and(|look| view.contradicts(look)) {
+                left -= 1;
+                rays += self.look_from_all(view, looks, net, dofs, blockers);
+            } else {
+                rays += looks.iter().map(|look| look.cast).sum::<u32>();
+            }
         }
-        rays + more
+        rays
     }
 
-    /// Whether a lamp that the points of the rule see whole, or not at all, is seen otherwise by some of the points that rays start
-    /// from, and the number of rays; a quarter of them are asked.
-    fn is_mixed_between(&self, view: &View, net: &Net<'_>, blockers: &Bvh) -> (bool, u32) {
-        let points = (net.points.points.len() / 4) as u32;
-        let otherwise = |q: &u32| {
-            let look = self.look(net.from(*q as usize), view.lamp, 1.0, self.draw(net, *q as usize), blockers);
-            look.share().is_some_and(|share| (share > 0.0) != (view.most > 0.0))
-        };
-        let found = (0..points).find(otherwise);
-        (found.is_some(), found.map_or(points, |q| q + 1))
+    /// How the first quarter of the points that rays start from sees a lamp, up to one that sees it otherwise than the points of
+    /// the rule do, which see it whole or not at all.
+    fn looks_between(&self, view: &View, net: &Net<'_>, blockers: &Bvh) -> Vec<Look> {
+        let mut looks = Vec::new();
+        for q in 0..net.points.points.len() / 4 {
+            looks.push(self.look(net.from(q), view.lamp, 1.0, self.draw(net, q), blockers));
+            if view.contradicts(&looks[q]) {
+                break;
+            }
+        }
+        looks
     }
 
-    /// Has a cell look at a lamp from all points that its rays start from; gives the number of rays.
+    /// Has a cell look at a lamp from all points that its rays start from, of which the first have looked; gives the number of
+    /// rays.
     ///
     /// A ray of a point meets G V at some place of the lamp. With v the share that is visible of what all of them have sought,
     /// G V + v (∫G − G) is ∫G V on the average, but for a part of the size of 1/K, and exact where all of the lamp is visible
     /// or nothing of it.
-    fn look_from_all(&self, view: &mut View, net: &Net<'_>, dofs: usize, blockers: &Bvh) -> u32 {
-        let points = 0..net.points.points.len();
-        let looks: Vec<Look> =
-            points.map(|q| self.look(net.from(q), view.lamp, 1.0, self.draw(net, q), blockers)).collect();
+    fn look_from_all(&self, view: &mut View, mut looks: Vec<Look>, net: &Net<'_>, dofs: usize, blockers: &Bvh) -> u32 {
+        let others = looks.len()..net.points.points.len();
+        looks.extend(others.map(|q| self.look(net.from(q), view.lamp, 1.0, self.draw(net, q), blockers)));
         let sum = |of: fn(&Look) -> f64| looks.iter().map(of).sum::<f64>();
         let share = sum(|look| look.met) / sum(|look| look.sought).max(f64::MIN_POSITIVE);
         view.values = [0.0; MAX_DOFS];
@@ -521,6 +525,11 @@ impl View {
     /// Whether the border of a shadow is seen to pass.
     fn is_mixed(&self) -> bool {
         self.least < 1.0 && self.most > 0.0
+    }
+
+    /// Whether a look says otherwise than points that see the lamp whole, or not at all.
+    fn contradicts(&self, look: &Look) -> bool {
+        look.share().is_some_and(|share| (share > 0.0) != (self.most > 0.0))
     }
 
     fn entry(&self) -> Entry {
