@@ -1,7 +1,7 @@
 //! The triangles of a leaf in f64, for the test that decides, of all of them at once.
 
 use super::build::LEAF;
-use super::exact::{Ray, Triangle};
+use super::exact::{Crossing, Ray, Triangle};
 use super::lanes::{Doubles, Lanes};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -45,28 +45,73 @@ impl Block {
         (0..LEAF).filter(|&lane| self.index[lane] != u32::MAX).map(|lane| self.triangle(lane))
     }
 
-    /// The triangles that a line passes, by the edge functions of [`Ray::cross`], as bits: the same arithmetic.
+    /// Where a line crosses the triangles, at parameters no greater than `until`: the arithmetic of [`Ray::cross`].
     #[inline(always)]
-    pub(super) fn passed_by<L: Lanes>(&self, lanes: L, ray: &Ray) -> u32 {
+    pub(super) fn crossed_by<L: Lanes>(&self, lanes: L, ray: &Ray, until: f64) -> Crossings {
         let [i, j, k] = ray.axes;
-        let [x, y, z] = ray.start;
+        let ([x, y, z], [to_x, to_y, to_z]) = (ray.start, ray.shear);
         let start = [lanes.doubles_splat(x), lanes.doubles_splat(y), lanes.doubles_splat(z)];
-        let (x_shear, y_shear) = (lanes.doubles_splat(ray.shear[0]), lanes.doubles_splat(ray.shear[1]));
-        let (mut x, mut y) = ([start[0]; 3], [start[1]; 3]);
+        let shear = [lanes.doubles_splat(to_x), lanes.doubles_splat(to_y), lanes.doubles_splat(to_z)];
+        let (mut x, mut y, mut z) = ([start[0]; 3], [start[1]; 3], [start[2]; 3]);
         for corner in 0..3 {
             let rows = &self.corners[corner];
-            let z = lanes.doubles(&rows[k]).sub(start[2]);
-            x[corner] = lanes.doubles(&rows[i]).sub(start[0]).sub(x_shear.mul(z));
-            y[corner] = lanes.doubles(&rows[j]).sub(start[1]).sub(y_shear.mul(z));
+            z[corner] = lanes.doubles(&rows[k]).sub(start[2]);
+            x[corner] = lanes.doubles(&rows[i]).sub(start[0]).sub(shear[0].mul(z[corner]));
+            y[corner] = lanes.doubles(&rows[j]).sub(start[1]).sub(shear[1].mul(z[corner]));
         }
-        let edges = [
+        let [u, v, w] = [
             x[2].mul(y[1]).sub(y[2].mul(x[1])),
             x[0].mul(y[2]).sub(y[0].mul(x[2])),
             x[1].mul(y[0]).sub(y[1].mul(x[0])),
         ];
-        let least = edges[0].min(edges[1]).min(edges[2]);
-        let most = edges[0].max(edges[1]).max(edges[2]);
         let zero = lanes.doubles_splat(0.0);
-        zero.at_most(least) | most.at_most(zero)
+        let inside = zero.at_most(least([u, v, w])) | most([u, v, w]).at_most(zero);
+        if inside == 0 {
+            return Crossings::NONE;
+        }
+        let below = least(x).at_most(zero) & least(y).at_most(zero);
+        let above = zero.at_most(most(x)) & zero.at_most(most(y));
+        let sum = u.add(v).add(w);
+        let [a, b, c] = [shear[2].mul(z[0]), shear[2].mul(z[1]), shear[2].mul(z[2])];
+        // NaN or infinite where the sum is zero.
+        let t = u.mul(a).add(v.mul(b)).add(w.mul(c)).div(sum);
+        let found = inside & below & above & t.at_most(lanes.doubles_splat(until));
+        let edges = [u.to_array(), v.to_array(), w.to_array()];
+        Crossings { found, edges, sum: sum.to_array(), t: t.to_array() }
+    }
+}
+
+#[inline(always)]
+fn least<D: Doubles>([a, b, c]: [D; 3]) -> D {
+    a.min(b).min(c)
+}
+
+#[inline(always)]
+fn most<D: Doubles>([a, b, c]: [D; 3]) -> D {
+    a.max(b).max(c)
+}
+
+/// Where a line crosses the triangles of a leaf.
+pub(super) struct Crossings {
+    /// Those that it does cross, as bits.
+    found: u32,
+    edges: [[f64; LEAF]; 3],
+    sum: [f64; LEAF],
+    t: [f64; LEAF],
+}
+
+impl Crossings {
+    const NONE: Self = Self { found: 0, edges: [[0.0; LEAF]; 3], sum: [0.0; LEAF], t: [0.0; LEAF] };
+
+    /// Takes out the next, with the lane of its triangle.
+    #[inline(always)]
+    pub(super) fn next(&mut self) -> Option<(usize, Crossing)> {
+        if self.found == 0 {
+            return None;
+        }
+        let lane = self.found.trailing_zeros() as usize;
+        self.found &= self.found - 1;
+        let [u, v, w] = &self.edges;
+        Some((lane, Crossing { edges: [u[lane], v[lane], w[lane]], sum: self.sum[lane], t: self.t[lane] }))
     }
 }

@@ -3,8 +3,12 @@
 //! Children are split on until there are eight, the one of the greatest surface first, so no binary tree is ever made.
 //! Each split reads its items for the bins, which know the boxes of both halves, and to divide them, without branches:
 //! the sides cannot be guessed, and with a branch the spheres of 1.5 million triangles took a fifth longer (together with
-//! more bins for few items, which did not make better trees). Subtrees are built and written in parallel and are the same for any number of threads, since each depends on
-//! its own triangles only.
+//! more bins for few items, which did not make better trees). Subtrees are built and written in parallel and are the
+//! same for any number of threads, since each depends on its own triangles only.
+//!
+//! Half of all places for children stay empty. Nodes of the least sum of surfaces, sought from the leaves of a binary tree
+//! up (Ylitie, Karras and Laine 2017), are 40 % fewer and were dropped: rays visit as many, and leaves and nodes mixed,
+//! which cannot be guessed; first crossings took a tenth longer in the caches and a fifteenth less beyond them.
 
 use super::block::Block;
 use super::exact::Triangle;

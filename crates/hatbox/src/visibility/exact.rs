@@ -59,12 +59,12 @@ impl Ray {
     }
 
     /// The ray up to t = `end`, which may be infinite; `None` if it has no direction.
-    #[inline]
+    #[inline(always)]
     pub(super) fn open(origin: DVec3, direction: DVec3, end: f64) -> Option<Self> {
         Self::new(origin, direction, end, guard(origin, origin), false)
     }
 
-    #[inline]
+    #[inline(always)]
     fn new(origin: DVec3, direction: DVec3, end: f64, guard: f64, closed: bool) -> Option<Self> {
         let axes = axes(direction);
         let (d, o) = (direction.to_array(), origin.to_array());
@@ -112,7 +112,7 @@ impl Ray {
     }
 
     /// Whether a crossing of a triangle at `t` lies strictly between the ends.
-    #[inline]
+    #[inline(always)]
     pub(super) fn counts(&self, triangle: &Triangle, t: f64) -> bool {
         if !(t > 0.0 && t < self.end) {
             return false;

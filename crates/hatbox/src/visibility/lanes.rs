@@ -30,14 +30,17 @@ pub(super) trait Vector<const N: usize>: Copy {
 
 /// Four numbers of f64; every instruction set rounds them alike.
 pub(super) trait Doubles: Copy {
+    fn add(self, other: Self) -> Self;
     fn sub(self, other: Self) -> Self;
     fn mul(self, other: Self) -> Self;
+    fn div(self, other: Self) -> Self;
     /// The lesser; `other` if one is NaN.
     fn min(self, other: Self) -> Self;
     /// The greater; `other` if one is NaN.
     fn max(self, other: Self) -> Self;
     /// Where self ≤ other, as bits.
     fn at_most(self, other: Self) -> u32;
+    fn to_array(self) -> [f64; LEAF];
 }
 
 /// The upper half of a number that is not negative: rounded down, and ordered like the number.
@@ -150,12 +153,20 @@ impl<const N: usize> Vector<N> for Array<N> {
 
 impl Doubles for Array<LEAF, f64> {
     #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.zip(other, |x, y| x + y)
+    }
+    #[inline(always)]
     fn sub(self, other: Self) -> Self {
         self.zip(other, |x, y| x - y)
     }
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
         self.zip(other, |x, y| x * y)
+    }
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self.zip(other, |x, y| x / y)
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
@@ -172,6 +183,10 @@ impl Doubles for Array<LEAF, f64> {
             mask |= u32::from(self.0[k] <= other.0[k]) << k;
         }
         mask
+    }
+    #[inline(always)]
+    fn to_array(self) -> [f64; LEAF] {
+        self.0
     }
 }
 

@@ -13,12 +13,14 @@ pub(super) const LEAF_BIT: u32 = 1 << 31;
 const UNIT: f64 = 1.0 / 16_777_216.0;
 /// Relative error of the slab test's ray parameters, with room to spare (Ize 2013: 3 roundings).
 const SLACK: f64 = 16.0 * UNIT;
-/// Error of the slab test in units of the scene, for origins within [`REACH`]: fourteen roundings of f32 (of a plane and
-/// the origin, two of its shift, four and four of the scale and the result, each times the distance), and the 1e-7 by
-/// which the exact test may err.
+/// Error of the slab test in units of the scene, for origins within [`REACH`]: at most fourteen roundings of f32 (of a
+/// plane and the origin, two of its shift, four and four of the scale and the result, each times the distance; single rays
+/// have fewer), and the 1e-7 by which the exact test may err.
 const PAD: f64 = 24.0 * UNIT;
 /// Rays that begin farther from the center than this, along an axis, are begun where they come so near.
 const REACH: f64 = 1.001;
+/// Past this parameter a ray that begins within [`REACH`] has left the scene.
+const MOST: f64 = 2.0 * REACH + 0.01;
 /// Directions shorter than this are parallel to a slab: the parameter of its planes is past every end, or the slab
 /// contains the origin.
 const PARALLEL: f64 = 1e-18;
@@ -178,6 +180,8 @@ pub(super) struct Local {
     pub(super) origin: [f64; 3],
     /// The direction, 1 along its longest axis.
     pub(super) direction: [f64; 3],
+    /// The parameter's change with each coordinate: the inverse of the direction.
+    pace: [f64; 3],
     /// The parameter at t is t · length − skipped.
     length: f64,
     skipped: f64,
@@ -194,37 +198,24 @@ impl Local {
     #[inline(always)]
     pub(super) fn new(frame: Frame, origin: DVec3, direction: DVec3, guard: f64) -> Result<Self, Far> {
         let axes = exact::axes(direction);
-        let longest = direction.to_array()[axes[2]].abs();
-        let origin = frame.to_local(origin);
-        let size = origin.abs();
-        let reach = size.x.max(size.y).max(size.z);
-        let direction = (direction * (1.0 / longest)).to_array();
+        let size = direction.abs();
+        let longest = size.x.max(size.y).max(size.z);
+        let mut origin = frame.to_local(origin).to_array();
+        let reach = origin[0].abs().max(origin[1].abs()).max(origin[2].abs());
         let length = longest * frame.scale;
         // Written so that NaN fails. Below 1e-300 the inverse is not finite.
         if !(reach < FAR && longest > 1e-300 && length > 1e-30 && length < 1e30) {
             return Err(Far);
         }
-        let (origin, guard) = (origin.to_array(), guard * frame.scale);
-        let local = Self { origin, direction, length, skipped: 0.0, most: 2.0 * REACH + 0.01, axes, guard };
-        Ok(if reach > REACH { local.approached() } else { local })
-    }
-
-    /// The ray begun where it enters the box that the scene surely lies in.
-    #[cold]
-    fn approached(self) -> Self {
-        let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
-        for axis in 0..3 {
-            let (o, d) = (self.origin[axis], self.direction[axis]);
-            let side = REACH.copysign(d);
-            // Parallel to the sides: infinite or NaN, which is neither the greater nor the lesser.
-            enter = enter.max((-side - o) / d);
-            leave = leave.min((side - o) / d);
+        let [x, y, z] = direction.to_array();
+        let pace = [longest / x, longest / y, longest / z];
+        let direction = (direction * (1.0 / longest)).to_array();
+        // Numbers one by one, since a structure that a call gives back would be waited for in memory by all rays.
+        let (mut skipped, mut most) = (0.0, MOST);
+        if reach > REACH {
+            (origin, skipped, most) = approached(origin, direction);
         }
-        if enter > leave {
-            return Self { most: -1.0, ..self };
-        }
-        let at = |axis: usize| (self.origin[axis] + enter * self.direction[axis]).clamp(-REACH, REACH);
-        Self { origin: [0, 1, 2].map(at), skipped: enter, ..self }
+        Ok(Self { origin, direction, pace, length, skipped, most, axes, guard: guard * frame.scale })
     }
 
     /// The parameter at t, no more than where the scene surely ends.
@@ -233,6 +224,24 @@ impl Local {
         let length = t * self.length - self.skipped;
         if length < self.most { length } else { self.most }
     }
+}
+
+/// Where a ray enters the box that the scene surely lies in, the parameter there, and the greatest parameter after it.
+#[cold]
+fn approached(origin: [f64; 3], direction: [f64; 3]) -> ([f64; 3], f64, f64) {
+    let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
+    for axis in 0..3 {
+        let (o, d) = (origin[axis], direction[axis]);
+        let side = REACH.copysign(d);
+        // Parallel to the sides: infinite or NaN, which is neither the greater nor the lesser.
+        enter = enter.max((-side - o) / d);
+        leave = leave.min((side - o) / d);
+    }
+    if enter > leave {
+        return (origin, 0.0, -1.0);
+    }
+    let at = |axis: usize| (origin[axis] + enter * direction[axis]).clamp(-REACH, REACH);
+    ([0, 1, 2].map(at), enter, MOST)
 }
 
 /// The mark of a ray that f32 does not serve: endless, nearly without length, or from far outside the scene.
@@ -257,11 +266,11 @@ impl Slabs {
     pub(super) fn new(ray: &Local, end: f64) -> Self {
         let mut slabs = Self { back: [0; 3], scale: [0.0; 3], shift: [0.0; 3], end: 0.0 };
         for axis in 0..3 {
-            let (o, d) = (ray.origin[axis] as f32, ray.direction[axis] as f32);
-            let sure = d.abs().max(PARALLEL as f32).copysign(d);
-            slabs.back[axis] = usize::from(d.is_sign_negative());
-            slabs.scale[axis] = 1.0 / sure;
-            slabs.shift[axis] = o * slabs.scale[axis];
+            let pace = ray.pace[axis];
+            let sure = if pace.abs() < 1.0 / PARALLEL { pace.abs() } else { 1.0 / PARALLEL };
+            slabs.back[axis] = usize::from(pace.is_sign_negative());
+            slabs.scale[axis] = sure.copysign(pace) as f32;
+            slabs.shift[axis] = (ray.origin[axis] * sure.copysign(pace)) as f32;
         }
         slabs.stop_at(ray.length_to(end) as f32);
         slabs

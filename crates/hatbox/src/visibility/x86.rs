@@ -6,12 +6,13 @@ use std::arch::x86_64::{
     __m128, __m128i, __m256, __m256d, __m512, _CMP_LE_OQ, _CMP_NLE_UQ, _MM_HINT_T0, _mm_add_ps, _mm_andnot_ps,
     _mm_cmp_ps, _mm_cvtsi128_si32, _mm_fmsub_ps, _mm_fnmadd_ps, _mm_loadu_ps, _mm_loadu_si128, _mm_max_ps, _mm_min_ps,
     _mm_minpos_epu16, _mm_movemask_ps, _mm_mul_ps, _mm_or_si128, _mm_packus_epi32, _mm_prefetch, _mm_set1_epi16,
-    _mm_set1_ps, _mm_sub_ps, _mm256_add_ps, _mm256_andnot_ps, _mm256_castps_si256, _mm256_castsi256_si128,
-    _mm256_cmp_pd, _mm256_cmp_ps, _mm256_extracti128_si256, _mm256_fmsub_ps, _mm256_fnmadd_ps, _mm256_loadu_pd,
-    _mm256_loadu_ps, _mm256_max_pd, _mm256_max_ps, _mm256_min_pd, _mm256_min_ps, _mm256_movemask_pd,
-    _mm256_movemask_ps, _mm256_mul_pd, _mm256_mul_ps, _mm256_or_ps, _mm256_set1_pd, _mm256_set1_ps, _mm256_srli_epi32,
-    _mm256_sub_pd, _mm256_sub_ps, _mm512_abs_ps, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_fmsub_ps, _mm512_fnmadd_ps,
-    _mm512_loadu_ps, _mm512_max_ps, _mm512_min_ps, _mm512_mul_ps, _mm512_set1_ps, _mm512_sub_ps,
+    _mm_set1_ps, _mm_sub_ps, _mm256_add_pd, _mm256_add_ps, _mm256_andnot_ps, _mm256_castps_si256,
+    _mm256_castsi256_si128, _mm256_cmp_pd, _mm256_cmp_ps, _mm256_div_pd, _mm256_extracti128_si256, _mm256_fmsub_ps,
+    _mm256_fnmadd_ps, _mm256_loadu_pd, _mm256_loadu_ps, _mm256_max_pd, _mm256_max_ps, _mm256_min_pd, _mm256_min_ps,
+    _mm256_movemask_pd, _mm256_movemask_ps, _mm256_mul_pd, _mm256_mul_ps, _mm256_or_ps, _mm256_set1_pd, _mm256_set1_ps,
+    _mm256_srli_epi32, _mm256_storeu_pd, _mm256_sub_pd, _mm256_sub_ps, _mm512_abs_ps, _mm512_add_ps,
+    _mm512_cmp_ps_mask, _mm512_fmsub_ps, _mm512_fnmadd_ps, _mm512_loadu_ps, _mm512_max_ps, _mm512_min_ps,
+    _mm512_mul_ps, _mm512_set1_ps, _mm512_sub_ps,
 };
 
 /// Proof that the processor has AVX2, fused multiply-add, and the instructions on bits that came with them.
@@ -208,14 +209,24 @@ pub(super) struct FourDoubles(__m256d);
 
 impl Doubles for FourDoubles {
     #[inline(always)]
-    fn sub(self, other: Self) -> Self {
+    fn add(self, other: Self) -> Self {
         // SAFETY: a value proves that the processor has the feature, here and below.
+        Self(unsafe { _mm256_add_pd(self.0, other.0) })
+    }
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        // SAFETY: as above.
         Self(unsafe { _mm256_sub_pd(self.0, other.0) })
     }
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
         // SAFETY: as above.
         Self(unsafe { _mm256_mul_pd(self.0, other.0) })
+    }
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        // SAFETY: as above.
+        Self(unsafe { _mm256_div_pd(self.0, other.0) })
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
@@ -231,6 +242,13 @@ impl Doubles for FourDoubles {
     fn at_most(self, other: Self) -> u32 {
         // SAFETY: as above.
         unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(self.0, other.0)) as u32 }
+    }
+    #[inline(always)]
+    fn to_array(self) -> [f64; LEAF] {
+        let mut values = [0.0; LEAF];
+        // SAFETY: as above; the array holds the register.
+        unsafe { _mm256_storeu_pd(values.as_mut_ptr(), self.0) };
+        values
     }
 }
 
