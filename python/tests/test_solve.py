@@ -302,7 +302,7 @@ def test_materials_by_name_and_by_number_are_the_same() -> None:
 
 def test_repairs_are_warnings() -> None:
     faces = np.vstack([CUBE_FACES, [[0, 1, 1, 1]]])
-    with pytest.warns(hatbox.HatboxWarning, match="left out 1 faces that have no area"):
+    with pytest.warns(hatbox.HatboxWarning, match="left out a face that has no area"):
         scene = hatbox.Scene(CUBE_VERTICES, faces)
     assert len(scene.warnings) == 1
 

@@ -130,7 +130,8 @@ pub(crate) fn write<'a>(args: &ViewArgs, scene: Option<Camera>, progress: &'a dy
             direct: args.direct && args.quantity != Shown::Error,
         },
         exposure: args.exposure.map(|value| Exposure { scale: BRIGHT / value }),
-        false_color: args.false_color,
+        // Errors span decades and have no colour of their own.
+        false_color: args.false_color || args.quantity == Shown::Error,
         false_color_top: args.exposure,
         progress,
     }

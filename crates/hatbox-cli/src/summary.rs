@@ -183,6 +183,11 @@ fn error(lines: &mut Lines, report: &Report) {
         lines.more(&format!(
             "asked: {asked}, NOT reached: the next mesh would have more than {most} coefficients (--max-unknowns)"
         ));
+        // More than half of its square.
+        if error.bends.powi(2) > 0.5 * error.discretisation.powi(2) {
+            let bends = percent(error.bends);
+            lines.more(&format!("{bends} are made by joining functions where faces bend: try `--continuity broken`"));
+        }
     }
 }
 
@@ -377,7 +382,7 @@ fn percent(fraction: f64) -> String {
 }
 
 /// So many of something.
-fn several(n: u64, what: &str) -> String {
+pub(crate) fn several(n: u64, what: &str) -> String {
     format!("{} {what}{}", count(n), if n == 1 { "" } else { "s" })
 }
 

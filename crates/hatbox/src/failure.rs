@@ -3,11 +3,12 @@
 //! The command line and the Python package show the same words because both take them from here. What the words look
 //! like (underlined, in colour, as an exception) is theirs.
 
-use crate::adapt::NothingInFocus;
+use crate::adapt::{Focus, NothingInFocus};
 use crate::exchange::ExchangeError;
 use crate::io::atomic::AtomicError;
 use crate::io::checkpoint::CheckpointError;
 use crate::io::npz::LoadError;
+use crate::io::suggestion::nearest;
 use crate::io::{ReadError, WriteError};
 use crate::progress::Interrupted;
 use crate::radiosity::MaterialsError;
@@ -17,6 +18,9 @@ use crate::{radiosity, view_factors};
 use std::fmt;
 use std::ops::Range;
 use std::path::Path;
+
+/// So many names are listed where one is unknown.
+const NAMES: usize = 20;
 
 /// Why something was not done.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -165,7 +169,15 @@ impl From<view_factors::Error> for Failure {
 
 impl From<NothingInFocus> for Failure {
     fn from(error: NothingInFocus) -> Self {
-        let help = format!("use a box X,Y,Z;X,Y,Z or one of: {}", error.names.join(", "));
+        let names = || error.names.iter().map(String::as_str);
+        let meant = match &error.focus {
+            Focus::Name(name) => nearest(name, names()),
+            Focus::Box(..) => None,
+        };
+        let help = meant.map_or_else(
+            || format!("use a box X,Y,Z;X,Y,Z or one of: {}", names().take(NAMES).collect::<Vec<_>>().join(", ")),
+            |known| format!("did you mean `{known}`?"),
+        );
         Self::with_help(error.to_string(), help)
     }
 }

@@ -69,17 +69,21 @@ impl Probed {
         if self.far > 0 {
             let percent = 100.0 * FAR;
             warnings.push(format!(
-                "{} points lie farther than {percent} % of the scene's size from the surface whose value they were given; \
-                 gathered light is that of the points themselves",
-                self.far
+                "{} farther than {percent} % of the scene's size from the surface whose value they were given; gathered \
+                 light is that of the points themselves",
+                counted(self.far, "point lies", "points lie")
             ));
         }
         if self.missed > 0 {
-            let missed = self.missed;
-            warnings.push(format!("{missed} points have a normal that no surface agrees with; their values are NaN"));
+            let points = counted(self.missed, "point has", "points have");
+            warnings.push(format!("{points} a normal that no surface agrees with; the values there are NaN"));
         }
         warnings
     }
+}
+
+fn counted(n: usize, one: &str, many: &str) -> String {
+    format!("{n} {}", if n == 1 { one } else { many })
 }
 
 impl<'a> Probe<'a> {

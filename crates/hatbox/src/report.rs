@@ -191,6 +191,8 @@ pub struct ErrorReport {
     pub data: f64,
     /// Of the residual, the rest: elements too large for the light on them, and the operator's part.
     pub discretisation: f64,
+    /// Of the discretisation, what joining functions has taken away where faces bend.
+    pub bends: f64,
     /// The emitted over the leaving power.
     pub absorption: f64,
     /// Computation, the operator's part: what its errors of quadrature and visibility change of the reflected light, in the norm
@@ -251,6 +253,7 @@ impl Report {
                 propagated: e.propagated,
                 data: e.data,
                 discretisation: e.discretisation,
+                bends: e.bends,
                 absorption: e.absorption,
                 operator: e.operator,
                 solver: e.solver,

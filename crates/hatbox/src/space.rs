@@ -21,7 +21,7 @@ use std::sync::Arc;
 pub const CREASE_ANGLE: f64 = std::f64::consts::PI / 6.0;
 
 /// A cell that is turned by less than this, 1°, against another at the same edge lies on it and does not stand on it.
-const COPLANAR_ANGLE: f64 = std::f64::consts::PI / 180.0;
+pub(crate) const COPLANAR_ANGLE: f64 = std::f64::consts::PI / 180.0;
 
 /// Where functions are continuous.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -129,6 +129,38 @@ fn what_joined_functions_leave_is_reflected() {
 }
 
 /// Sloan's iterate B⁰ + RKB̃ gains half an order at least.
+/// A ridge of two strips that bend by an angle, beneath a lamp to one side.
+fn ridge(bend: f64) -> Scene {
+    let mut mesh = Mesh::default();
+    let (run, rise) = ((0.5 * bend).cos(), (0.5 * bend).sin());
+    for x in [-1.0, 1.0] {
+        let (a, b) = (DVec3::new(x * run, 0.0, -rise), DVec3::new(x * run, 1.0, -rise));
+        let (c, d) = (DVec3::Y, DVec3::ZERO);
+        meshes::face(&mut mesh, &if x > 0.0 { [a, b, c, d] } else { [d, c, b, a] }, 0);
+    }
+    let lamp = [(2.0, 0.0), (2.0, 1.0), (3.0, 1.0), (3.0, 0.0)].map(|(x, y)| DVec3::new(x, y, 2.0));
+    meshes::face(&mut mesh, &lamp, 1);
+    let lamp = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("lamp", 0.0) };
+    Scene::new(mesh, vec![Material::diffuse("ground", 0.5), lamp], Physics::Light, None).expect("valid")
+}
+
+#[test]
+fn what_joining_takes_away_where_faces_bend_is_told_apart() {
+    let parts = |bend: f64, continuity: &str| {
+        let continuity = Continuity::named(continuity).expect("listed");
+        let solved = solve(&ridge(bend), &Options { continuity, ..options(&ALL[1], 0.1) }, &Silent).expect("solved");
+        let error = solved.error.expect("asked for");
+        (error.bends, error.discretisation)
+    };
+    let (bends, discretisation) = parts(0.4, "continuous");
+    let (none, of_broken) = parts(0.4, "broken");
+    println!("{bends} of {discretisation}, and {of_broken} without");
+    assert!(bends < discretisation && bends.powi(2) > 0.5 * discretisation.powi(2), "{bends} of {discretisation}");
+    assert!(none == 0.0 && of_broken < 0.5 * discretisation, "{none} of {of_broken}");
+    assert_eq!(parts(0.0, "continuous").0, 0.0, "flat");
+    assert_eq!(parts(0.6, "continuous").0, 0.0, "a crease is not joined");
+}
+
 #[test]
 fn one_more_gather_gains_half_an_order() {
     for basis in [&ALL[0], &ALL[1]] {

@@ -79,6 +79,8 @@ class ErrorEstimate:
     """Of the residual, what textures lose by projection."""
     discretisation: float
     """Of the residual, the rest: elements too large for the light on them, and the operator's part."""
+    bends: float
+    """Of the discretisation, what joining functions has taken away where faces bend; `continuity="broken"` does not join."""
     absorption: float
     """The emitted over the leaving power."""
     operator: float

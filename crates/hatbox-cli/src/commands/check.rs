@@ -3,6 +3,7 @@
 use crate::args::CheckArgs;
 use crate::failure::Failure;
 use crate::style::Style;
+use crate::summary::several;
 use crate::{output, summary};
 use hatbox::check::{Check, Lighting};
 use hatbox::io::{self, RawScene, ReadError};
@@ -98,9 +99,9 @@ fn darkness(lighting: &Lighting) -> Option<(Severity, Found)> {
     let first = lighting.examples.first()?;
     let [x, y, z] = first.position;
     let message = format!(
-        "{} faces are reached by no light ({:.1} % of the area; first: in `{}`, at {x:.4} {y:.4} {z:.4} m): they will be \
-         black; check that their fronts face the room, or that they are needed",
-        lighting.dark,
+        "no light reaches {} ({:.1} % of the area; first: in `{}`, at {x:.4} {y:.4} {z:.4} m), which stays black; check \
+         that fronts face the room, or what is needed",
+        several(lighting.dark as u64, "face"),
         100.0 * lighting.dark_area,
         first.group
     );

@@ -91,6 +91,20 @@ fn bad_outputs_are_refused_before_the_work() {
 }
 
 #[test]
+fn a_focus_on_nothing_is_refused_before_the_work() {
+    let folder = Folder::new();
+    folder.file("square.mtl", "newmtl floor\nKd 0.5 0.5 0.5\n");
+    let scene = folder.file("square.obj", format!("mtllib square.mtl\n{SQUARE}usemtl floor\nf 1 2 3 4\n"));
+    for (focus, expected) in [
+        ("flor", ["`flor`", "did you mean `floor`?"]),
+        ("ceiling", ["`ceiling`", "one of: "]),
+        ("5,5,5;6,6,6", ["between [5, 5, 5] and [6, 6, 6]", "use a box"]),
+    ] {
+        fail(&folder, 1, hatbox().arg("solve").arg(&scene).args(["--focus", focus]), &expected);
+    }
+}
+
+#[test]
 fn more_elements_than_memory_are_refused() {
     let folder = Folder::new();
     for command in [["solve", "--operator=dense"], ["factors", "--threads=2"]] {

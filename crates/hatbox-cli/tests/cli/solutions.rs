@@ -55,6 +55,8 @@ fn pictures_of_a_saved_solution() {
     let moved = picture("moved.png", &["--camera", "-0.5,0.5,0.5;0.5,0.5,0.5;0,0,1;60"]);
     let colored = picture("false.png", &["--false-color", "--exposure", "2"]);
     assert!(plain != moved && plain != colored);
+    let error = ["--quantity", "error"];
+    assert_eq!(picture("error.png", &error), picture("same.png", &[&error[..], &["--false-color"]].concat()));
     assert!(picture("view.exr", &["--quantity", "irradiance"]).len() > 1000);
 }
 

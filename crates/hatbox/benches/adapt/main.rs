@@ -58,6 +58,7 @@ fn main() -> Result<()> {
     if wanted("ladder") {
         let panels = cases().filter(|case| case.ladder).map(ladder).collect::<Result<Vec<_>>>()?.concat();
         if let Some(folder) = folder {
+            std::fs::create_dir_all(folder)?;
             std::fs::write(folder.join("ladder.svg"), plot::draw(&panels))?;
         }
     }

@@ -16,6 +16,7 @@ use crate::radiosity::{Solution, System, roughness};
 use crate::scene::Scene;
 use crate::solve::SolveError;
 use glam::DVec3;
+use std::collections::BTreeSet;
 
 /// The part of ψ that an error is taken to reach the focus with wherever it is: a guess.
 const CAUTION: f64 = 0.3;
@@ -49,20 +50,26 @@ impl Focus {
 }
 
 /// A focus that no cell lies in.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("--focus: no material and no object has that name, and no surface lies in such a box")]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("--focus: {}", missing(.focus))]
 pub struct NothingInFocus {
-    /// Some of the names that the scene has.
-    pub names: Vec<String>,
+    /// What was asked for.
+    pub focus: Focus,
+    /// The names that the scene has.
+    pub names: BTreeSet<String>,
+}
+
+fn missing(focus: &Focus) -> String {
+    match focus {
+        Focus::Name(name) => format!("no material and no object is named `{name}`"),
+        Focus::Box(a, b) => format!("no surface lies between {a} and {b} (metres)"),
+    }
 }
 
 impl NothingInFocus {
-    pub(super) fn of(scene: &Scene) -> Self {
-        let mut names: Vec<String> = scene.materials.iter().map(|material| material.name.clone()).collect();
-        names.extend(scene.mesh.groups.iter().cloned());
-        names.dedup();
-        names.truncate(20);
-        Self { names }
+    pub(super) fn of(focus: &Focus, scene: &Scene) -> Self {
+        let materials = scene.materials.iter().map(|material| &material.name);
+        Self { focus: focus.clone(), names: materials.chain(&scene.mesh.groups).cloned().collect() }
     }
 }
 

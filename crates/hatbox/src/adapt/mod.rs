@@ -83,7 +83,7 @@ impl Options {
         // A box may hold no middle of a face, and yet middles of smaller cells.
         let fine = scene.refined(Refinement::Elements(self.most_coefficients), self.solve.basis);
         let found = fine.is_ok_and(|fine| focus.cells(&fine).contains(&true));
-        if found { Ok(()) } else { Err(NothingInFocus::of(scene)) }
+        if found { Ok(()) } else { Err(NothingInFocus::of(focus, scene)) }
     }
 }
 

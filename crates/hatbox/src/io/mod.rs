@@ -8,6 +8,7 @@ pub mod npy;
 pub mod npz;
 pub mod picture;
 pub mod read;
+pub(crate) mod suggestion;
 pub mod unit;
 pub mod vtu;
 pub mod write;

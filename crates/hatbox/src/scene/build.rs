@@ -107,9 +107,13 @@ pub enum Warning {
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Degenerate(1) => f.write_str("left out a face that has no area"),
             Self::Degenerate(n) => write!(f, "left out {n} faces that have no area"),
+            Self::SplitQuads(1) => f.write_str("split a quad into triangles because it is not planar and convex"),
             Self::SplitQuads(n) => write!(f, "split {n} quads into triangles because they are not planar and convex"),
+            Self::TJunctions(1) => f.write_str("split an edge at vertices of other faces that lie on it"),
             Self::TJunctions(n) => write!(f, "split {n} edges at vertices of other faces that lie on them"),
+            Self::Contacts(1) => f.write_str("split a face along the lines in which others touch or cross it"),
             Self::Contacts(n) => write!(f, "split {n} faces along the lines in which others touch or cross them"),
         }
     }

@@ -103,6 +103,8 @@ fn glyph(c: char) -> [u8; 8] {
     match c {
         // The font has an acute in its place.
         '²' => [0b0110, 0b1001, 0b0100, 0b0010, 0b1111, 0, 0, 0],
+        // The font's stands on a serif, as its 1 does.
+        'l' => [0b1100, 0b1100, 0b1100, 0b1100, 0b1100, 0b1100, 0b11_1000, 0],
         c => BASIC_FONTS.get(c).or_else(|| LATIN_FONTS.get(c)).unwrap_or_default(),
     }
 }

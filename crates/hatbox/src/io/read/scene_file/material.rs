@@ -2,9 +2,9 @@
 
 use super::Source;
 use super::schema::{Factor, MaterialEntry, Picture, Sides, Value};
-use super::suggestion::nearest;
 use crate::io::read::picture::{self, Coding};
 use crate::io::read::{RawScene, ReadError, files};
+use crate::io::suggestion::nearest;
 use crate::scene::{Material, Physics, Quantity, STEFAN_BOLTZMANN, Texture, Wrap};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;

@@ -9,9 +9,9 @@
 mod assemble;
 mod material;
 mod schema;
-mod suggestion;
 
 use super::{RawScene, ReadError, files};
+use crate::io::suggestion;
 use crate::io::unit;
 use crate::scene::{Camera, Physics};
 use glam::DVec3;

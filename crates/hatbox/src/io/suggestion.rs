@@ -1,14 +1,14 @@
 //! What was probably meant.
 
 /// The known name that is most like a misspelt one, if one is.
-pub(super) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let distance = |other: &&str| strsim::damerau_levenshtein(name, other);
     let nearest = known.into_iter().min_by_key(distance)?;
     (distance(&nearest) <= 1 + name.chars().count() / 3).then_some(nearest)
 }
 
 /// What was probably meant by the word that a message of the parser calls unknown before it lists the known ones.
-pub(super) fn meant(message: &str) -> Option<&str> {
+pub(crate) fn meant(message: &str) -> Option<&str> {
     let mut words = message.strip_prefix("unknown ")?.split('`').skip(1).step_by(2);
     nearest(words.next()?, words)
 }
