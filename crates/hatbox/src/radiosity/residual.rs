@@ -225,7 +225,9 @@ impl<'a> Measure<'a> {
             if solution.space.continuity().is_some() { joints(&solution.scene, CREASE_ANGLE) } else { Vec::new() };
         for pair in joints.iter().map(|sides| sides.map(|side| side.cell as usize)) {
             if mesh.normal_angle(pair[0], pair[1]) > COPLANAR_ANGLE {
-                pair.into_iter().for_each(|cell| bent[cell] = true);
+                for cell in pair {
+                    bent[cell] = true;
+                }
             }
         }
         let mut taken = self.taken();

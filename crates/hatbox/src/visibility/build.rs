@@ -403,9 +403,13 @@ fn cheapest<const B: usize>(bins: &[(Bounds, u32); B]) -> Option<(f32, usize)> {
 fn partition<'a>(items: &'a mut [Item], plan: &Plan) -> [Part<'a>; 2] {
     let mut count = 0;
     for k in 0..items.len() {
-        // Items from `count` to `k` are on the right, and one more if this one is.
-        items.swap(k, count);
-        count += usize::from(plan.goes_left(&items[count]));
+        // Items from `count` to `k` are on the right, and one more if this one is. (Where it goes is known before it is
+        // moved: read again, it would be waited for.)
+        let item = items[k];
+        let left = plan.goes_left(&item);
+        items[k] = items[count];
+        items[count] = item;
+        count += usize::from(left);
     }
     let (left, right) = items.split_at_mut(count);
     let [l, r] = [&*left, &*right].map(centers);
