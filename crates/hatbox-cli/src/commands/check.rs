@@ -99,8 +99,8 @@ fn darkness(lighting: &Lighting) -> Option<(Severity, Found)> {
     let first = lighting.examples.first()?;
     let [x, y, z] = first.position;
     let message = format!(
-        "no light reaches {} ({:.1} % of the area; first: in `{}`, at {x:.4} {y:.4} {z:.4} m), which stays black; check \
-         that fronts face the room, or what is needed",
+        "no light reaches {} ({:.1} % of the area; first: in `{}`, at {x:.4} {y:.4} {z:.4} m): black in every picture; \
+         check that fronts face the room, or leave out what nobody sees",
         several(lighting.dark as u64, "face"),
         100.0 * lighting.dark_area,
         first.group
