@@ -315,7 +315,7 @@ pub(crate) struct ViewArgs {
     /// It takes a visit of every lamp for every pixel and every element. Errors, which are no light, are shown as they are.
     #[arg(long)]
     pub(crate) direct: bool,
-    /// Show luminance (lx, W/m²) in false colours with a scale, as errors always are
+    /// Show luminance (lx, W/m²) in false colours with a scale, in .png; errors always are
     #[arg(long)]
     pub(crate) false_color: bool,
     /// The value that is shown bright (in false colours, where the scale ends), in lm/m², lx or W/m²

@@ -181,12 +181,14 @@ fn error(lines: &mut Lines, report: &Report) {
     } else {
         let most = adaptivity.most_coefficients;
         lines.more(&format!(
-            "asked: {asked}, NOT reached: the next mesh would have more than {most} coefficients (--max-unknowns)"
+            "asked: {asked}, NOT reached: the next mesh would have more than {most} coefficients, joined or not (--max-unknowns)"
         ));
         // More than half of its square.
         if error.bends.powi(2) > 0.5 * error.discretisation.powi(2) {
             let bends = percent(error.bends);
-            lines.more(&format!("{bends} are made by joining functions where faces bend: try `--continuity broken`"));
+            lines.more(&format!(
+                "joining takes {bends} from elements that are joined where faces bend: try `--continuity broken`"
+            ));
         }
     }
 }

@@ -170,6 +170,23 @@ fn a_tolerance_is_reached_or_it_is_said_that_it_is_not() {
 }
 
 #[test]
+fn joined_functions_that_cannot_follow_bends_are_named() {
+    let folder = Folder::new();
+    folder.file("roof.mtl", "newmtl lamp\nKd 0 0 0\nKe 1 1 1\nnewmtl roof\nKd 0.5 0.5 0.5\n");
+    let roof = folder.file(
+        "roof.obj",
+        "mtllib roof.mtl\nv -1 0 -0.2\nv -1 1 -0.2\nv 0 0 0\nv 0 1 0\nv 1 0 -0.2\nv 1 1 -0.2\nv 2 0 2\nv 2 1 2\nv 3 1 2\n\
+         v 3 0 2\nusemtl roof\nf 1 3 4 2\nf 3 5 6 4\nusemtl lamp\nf 7 8 9 10\n",
+    );
+    for (continuity, advised) in [("continuous", true), ("broken", false)] {
+        let mut command = hatbox();
+        command.arg("solve").arg(&roof).args(["--tolerance", "0.01%", "--max-unknowns", "500"]);
+        let text = text(&succeed(command.args(["--continuity", continuity])).stdout);
+        assert_eq!((text.contains("NOT reached"), text.contains("`--continuity broken`")), (true, advised), "{text}");
+    }
+}
+
+#[test]
 fn the_number_of_threads_does_not_change_a_bit() {
     let folder = Folder::new();
     let solve = |threads: &str| {
@@ -200,6 +217,21 @@ fn factors_of_the_cube() {
     assert!(outputs.iter().all(|output| output.metadata().is_ok_and(|file| file.len() > 0)));
     let summary = text(&succeed(hatbox().arg("factors").arg(sample(CUBE)).arg("--groups=material")).stdout);
     assert!(summary.contains("in 2 groups") && summary.contains("ceiling"), "{summary}");
+}
+
+#[test]
+fn check_finds_small_lamps_far_away() {
+    let folder = Folder::new();
+    folder.file("far.mtl", "newmtl lamp\nKd 0 0 0\nKe 1 1 1\nnewmtl floor\nKd 0.5 0.5 0.5\n");
+    // A square metre at 300 m, which one ray in a quarter of a million meets.
+    let scene = "mtllib far.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 300\nv 0 1 300\nv 1 1 300\nv 1 0 300\n\
+                 usemtl floor\nf 1 2 3 4\nusemtl lamp\nf 5 6 7 8\n";
+    let report = text(&succeed(hatbox().arg("check").arg(folder.file("far.obj", scene))).stdout);
+    assert!(!report.contains("no light reaches"), "{report}");
+    let between = "v -9 -9 150\nv 9 -9 150\nv 9 9 150\nv -9 9 150\nusemtl floor\nf 9 10 11 12\n";
+    let report =
+        text(&succeed(hatbox().arg("check").arg(folder.file("hidden.obj", format!("{scene}{between}")))).stdout);
+    assert!(report.contains("no light reaches 1 face "), "{report}");
 }
 
 #[test]

@@ -4,8 +4,7 @@
 //! of the table is one solve from the scene to the solution, evaluated at these points, and what it is worth with the
 //! light of the lamp as it falls on each of them (`hatbox probe --direct`).
 
-// The scenes of the generator are for others.
-#[expect(dead_code)]
+#[expect(dead_code, reason = "other benches use the rest")]
 mod measure;
 
 use glam::DVec3;

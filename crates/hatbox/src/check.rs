@@ -14,7 +14,7 @@ use crate::quadrature::sequence::{hash, point};
 use crate::radiosity;
 use crate::scene::{Material, Physics, Scene, SceneError, Warning};
 use crate::space::FunctionSpace;
-use crate::visibility::{Bvh, Hit};
+use crate::visibility::{Bvh, Hit, Visibility};
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -177,6 +177,7 @@ impl<'a> Sides<'a> {
     /// Which sides light reaches, emitters included.
     fn lit(&self) -> Vec<bool> {
         let mut lit = self.emits.clone();
+        let emitters: Vec<usize> = (0..self.panels.len()).filter(|&cell| self.emits[self.of_cell[cell]]).collect();
         let mut fresh: Vec<usize> = (0..lit.len()).filter(|&side| lit[side]).collect();
         let mut round = 0;
         while !fresh.is_empty() {
@@ -193,8 +194,10 @@ impl<'a> Sides<'a> {
             }
             // So is what sees where light comes from.
             let dark: Vec<usize> = (0..lit.len()).filter(|&side| !lit[side]).collect();
-            let sees_light =
-                |side: &usize| self.seen_from(*side, round).into_iter().any(|other| lit[other] && self.sends(other));
+            let sees_light = |&side: &usize| {
+                self.sees(side, &emitters, round)
+                    || self.seen_from(side, round).into_iter().any(|other| lit[other] && self.sends(other))
+            };
             fresh = dark.into_par_iter().filter(sees_light).collect();
             for &side in &fresh {
                 lit[side] = true;
@@ -207,6 +210,23 @@ impl<'a> Sides<'a> {
     /// Whether light leaves a lit side.
     fn sends(&self, side: usize) -> bool {
         self.emits[side] || self.reflects[side]
+    }
+
+    /// Whether points of some cells are seen from a side: lamps that are small or far are missed by rays that go anywhere.
+    fn sees(&self, side: usize, cells: &[usize], round: u64) -> bool {
+        let (own, set) = (&self.cells[side], hash(round, side as u64));
+        // Each of the cells twice, about.
+        let rays = if cells.is_empty() { 0 } else { RAYS.max(2 * cells.len() as u32) };
+        (0..rays).any(|k| {
+            let chosen = |of: &[usize], share: f64| of[((share * of.len() as f64) as usize).min(of.len() - 1)];
+            let ([a, b, ..], [u, v, s, t]) = (point(hash(set, 1), k), point(set, k));
+            let (panel, other) = (&self.panels[chosen(own, a)], &self.panels[chosen(cells, b)]);
+            let (from, to) = (place(panel, [u, v]), place(other, [s, t]));
+            let way = to - from;
+            way.dot(panel.normal()) > 0.0
+                && way.dot(other.normal()) < 0.0
+                && !self.blockers.occluded(from, to, [panel.surface, other.surface])
+        })
     }
 
     /// The sides that rays from one side hit.
@@ -233,11 +253,15 @@ impl<'a> Sides<'a> {
 
 /// A point of a panel and a cosine-distributed direction from it.
 fn ray(panel: &Panel, [u, v, s, t]: [f64; 4]) -> (DVec3, DVec3) {
-    let at = if panel.patch.corners().len() == 3 { [1.0 - u.sqrt(), u.sqrt() * v] } else { [u, v] };
     let normal = panel.normal();
     let across = normal.any_orthonormal_vector();
     let (radius, angle) = (s.sqrt(), TAU * t);
     let direction =
         across * (radius * angle.cos()) + normal.cross(across) * (radius * angle.sin()) + normal * (1.0 - s).sqrt();
-    (panel.patch.point(at), direction)
+    (place(panel, [u, v]), direction)
+}
+
+/// A point of a panel.
+fn place(panel: &Panel, [u, v]: [f64; 2]) -> DVec3 {
+    panel.patch.point(if panel.patch.corners().len() == 3 { [1.0 - u.sqrt(), u.sqrt() * v] } else { [u, v] })
 }

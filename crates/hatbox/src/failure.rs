@@ -170,14 +170,18 @@ impl From<view_factors::Error> for Failure {
 impl From<NothingInFocus> for Failure {
     fn from(error: NothingInFocus) -> Self {
         let names = || error.names.iter().map(String::as_str);
-        let meant = match &error.focus {
-            Focus::Name(name) => nearest(name, names()),
-            Focus::Box(..) => None,
+        let listed = || {
+            let more = error.names.len().saturating_sub(NAMES);
+            let rest = if more > 0 { format!(" and {more} more") } else { String::new() };
+            format!("{}{rest}", names().take(NAMES).collect::<Vec<_>>().join(", "))
         };
-        let help = meant.map_or_else(
-            || format!("use a box X,Y,Z;X,Y,Z or one of: {}", names().take(NAMES).collect::<Vec<_>>().join(", ")),
-            |known| format!("did you mean `{known}`?"),
-        );
+        let help = match &error.focus {
+            Focus::Box(..) => format!("the scene lies between {} and {}", error.bounds[0], error.bounds[1]),
+            Focus::Name(name) => nearest(name, names()).map_or_else(
+                || format!("use a box X,Y,Z;X,Y,Z or one of: {}", listed()),
+                |known| format!("did you mean `{known}`?"),
+            ),
+        };
         Self::with_help(error.to_string(), help)
     }
 }

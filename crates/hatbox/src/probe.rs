@@ -146,11 +146,10 @@ impl<'a> Probe<'a> {
         let mut probed = self.at(&places);
         let found = places.iter().zip(&corrections).enumerate();
         for (row, place, correction) in found.filter_map(|(row, (place, c))| Some((row, (*place)?, c.as_ref()?))) {
-            let scene = &self.solution.scene;
-            let site = scene.site(place.cell, place.at);
             for (band, light) in correction.iter().enumerate() {
-                probed.irradiance.band_mut(band)[row] += light;
-                probed.radiosity.band_mut(band)[row] += scene.material(place.cell).reflectance.at(&site, band) * light;
+                let e = &mut probed.irradiance.band_mut(band)[row];
+                *e += light;
+                probed.radiosity.band_mut(band)[row] = self.reflected(place, band, *e);
             }
         }
         Ok(probed.lit())

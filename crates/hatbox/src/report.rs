@@ -191,7 +191,7 @@ pub struct ErrorReport {
     pub data: f64,
     /// Of the residual, the rest: elements too large for the light on them, and the operator's part.
     pub discretisation: f64,
-    /// Of the discretisation, what joining functions has taken away where faces bend.
+    /// What joining has taken away from elements that are joined where faces bend; of sampled operators, of lamps' light only.
     pub bends: f64,
     /// The emitted over the leaving power.
     pub absorption: f64,

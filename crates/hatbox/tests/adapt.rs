@@ -128,7 +128,6 @@ fn what_joined_functions_leave_is_reflected() {
     assert!(expected.norms()[0] > 0.01 * left.norms()[0]);
 }
 
-/// Sloan's iterate B⁰ + RKB̃ gains half an order at least.
 /// A ridge of two strips that bend by an angle, beneath a lamp to one side.
 fn ridge(bend: f64) -> Scene {
     let mut mesh = Mesh::default();
@@ -154,13 +153,14 @@ fn what_joining_takes_away_where_faces_bend_is_told_apart() {
     };
     let (bends, discretisation) = parts(0.4, "continuous");
     let (none, of_broken) = parts(0.4, "broken");
-    println!("{bends} of {discretisation}, and {of_broken} without");
     assert!(bends < discretisation && bends.powi(2) > 0.5 * discretisation.powi(2), "{bends} of {discretisation}");
-    assert!(none.to_bits() == 0 && of_broken < 0.5 * discretisation, "{none} of {of_broken}");
+    // Without joints there is nothing left to represent but a smooth function.
+    assert!(none.to_bits() == 0 && of_broken < 0.1 * discretisation, "{none} of {of_broken}");
     // What is flat, and what is a crease and is not joined, is not even looked at.
     assert!([0.0, 0.6].map(|bend| parts(bend, "continuous").0).into_iter().all(|bends| bends.to_bits() == 0));
 }
 
+/// Sloan's iterate B⁰ + RKB̃ gains half an order at least.
 #[test]
 fn one_more_gather_gains_half_an_order() {
     for basis in [&ALL[0], &ALL[1]] {

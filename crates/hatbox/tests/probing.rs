@@ -13,7 +13,7 @@ use hatbox::quadrature::rule;
 use hatbox::radiosity::{Options, Shown, Solution, solve};
 use hatbox::render::{RenderOptions, render};
 use hatbox::scene::{Camera, Material, Physics, Quantity, Scene};
-use meshes::shadow::{EXITANCE, LAMP, SHEET, scene};
+use meshes::shadow::{EXITANCE, FLOOR, LAMP, SHEET, scene};
 use std::f64::consts::PI;
 
 /// E at (x, 0, 0) on the floor: ∫ B (cos θ)²/(π d²) over the part of the lamp that the sheet leaves, a rectangle.
@@ -87,6 +87,14 @@ fn no_point_has_less_than_no_light() {
     let gathered = probe.values_gathered(&points, 0, &Silent).expect("nobody stops it");
     for found in [&probed, &direct, &gathered] {
         assert!(found.irradiance.as_slice().iter().chain(found.radiosity.as_slice()).all(|&value| value >= 0.0));
+    }
+    for found in [&direct, &gathered] {
+        let pairs = found.irradiance.band(0).iter().zip(found.radiosity.band(0));
+        assert!(
+            pairs.clone().all(|(e, b)| (b - FLOOR * e).abs() <= 1e-12 * e),
+            "what leaves a point is what arrives there, reflected"
+        );
+        assert!(pairs.clone().any(|(e, _)| *e > 0.0));
     }
     let least = points.iter().map(of_functions).fold(f64::INFINITY, f64::min);
     assert!(least < 0.0, "the functions swing below zero: {least}");

@@ -80,7 +80,7 @@ class ErrorEstimate:
     discretisation: float
     """Of the residual, the rest: elements too large for the light on them, and the operator's part."""
     bends: float
-    """Of the discretisation, what joining functions has taken away where faces bend; `continuity="broken"` does not join."""
+    """What joining takes from elements that are joined where faces bend; `continuity="broken"` does not join."""
     absorption: float
     """The emitted over the leaving power."""
     operator: float

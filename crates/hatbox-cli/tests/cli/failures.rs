@@ -98,7 +98,7 @@ fn a_focus_on_nothing_is_refused_before_the_work() {
     for (focus, expected) in [
         ("flor", ["`flor`", "did you mean `floor`?"]),
         ("ceiling", ["`ceiling`", "one of: "]),
-        ("5,5,5;6,6,6", ["between [5, 5, 5] and [6, 6, 6]", "use a box"]),
+        ("5,5,5;6,6,6", ["between [5, 5, 5] and [6, 6, 6]", "the scene lies between"]),
     ] {
         fail(&folder, 1, hatbox().arg("solve").arg(&scene).args(["--focus", focus]), &expected);
     }

@@ -55,21 +55,25 @@ impl Focus {
 pub struct NothingInFocus {
     /// What was asked for.
     pub focus: Focus,
-    /// The names that the scene has.
+    /// The names of what gives or takes light.
     pub names: BTreeSet<String>,
+    /// Corners of the box around the scene.
+    pub bounds: Box<[DVec3; 2]>,
 }
 
 fn missing(focus: &Focus) -> String {
     match focus {
-        Focus::Name(name) => format!("no material and no object is named `{name}`"),
+        Focus::Name(name) => format!("no material and no object with a lit surface is named `{name}`"),
         Focus::Box(a, b) => format!("no surface lies between {a} and {b} (metres)"),
     }
 }
 
 impl NothingInFocus {
     pub(super) fn of(focus: &Focus, scene: &Scene) -> Self {
-        let materials = scene.materials.iter().map(|material| &material.name);
-        Self { focus: focus.clone(), names: materials.chain(&scene.mesh.groups).cloned().collect() }
+        let mesh = &scene.mesh;
+        let of = |cell: usize| [&scene.material(cell).name, &mesh.groups[mesh.cells[cell].group as usize]];
+        let names = (0..mesh.cells.len()).flat_map(of).cloned().collect();
+        Self { focus: focus.clone(), names, bounds: Box::new(mesh.bounds().into()) }
     }
 }
 

@@ -80,9 +80,12 @@ impl Options {
     /// [`NothingInFocus`] if no cell would lie in it, however fine.
     pub fn check_focus(&self, scene: &Scene) -> Result<(), NothingInFocus> {
         let Some(focus) = &self.focus else { return Ok(()) };
-        // A box may hold no middle of a face, and yet middles of smaller cells.
-        let fine = scene.refined(Refinement::Elements(self.most_coefficients), self.solve.basis);
-        let found = fine.is_ok_and(|fine| focus.cells(&fine).contains(&true));
+        // A box may hold no middle of a face, and yet middles of smaller cells. (What cannot be refined is told elsewhere.)
+        let found = focus.cells(scene).contains(&true)
+            || matches!(focus, Focus::Box(..))
+                && scene
+                    .refined(Refinement::Elements(self.most_coefficients), self.solve.basis)
+                    .map_or(true, |fine| focus.cells(&fine).contains(&true));
         if found { Ok(()) } else { Err(NothingInFocus::of(focus, scene)) }
     }
 }

@@ -61,8 +61,9 @@ pub struct ErrorEstimate {
     pub data: f64,
     /// Of the residual, the rest: elements too large, shadows between them (and the operator's errors at the points).
     pub discretisation: f64,
-    /// Of the discretisation, what joining has taken away from elements that are joined where faces bend: g − B̃ on them, g
-    /// being the solution reflected once more, on each element by itself. 0 of broken functions, and of flat faces.
+    /// What joining has taken away from elements that are joined where faces bend: g − B̃ on them, g being the solution
+    /// reflected once more. 0 of broken functions, and of flat faces. A sampled operator's light is averaged over joined
+    /// elements, but for that of lamps: there, only lamps' is in it.
     pub bends: f64,
     /// Emitted over leaving power, 1 − ρ for the scene as a whole.
     pub absorption: f64,

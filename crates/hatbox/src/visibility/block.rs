@@ -73,7 +73,7 @@ impl Block {
         let above = zero.at_most(most(x)) & zero.at_most(most(y));
         let sum = u.add(v).add(w);
         let [a, b, c] = [shear[2].mul(z[0]), shear[2].mul(z[1]), shear[2].mul(z[2])];
-        // NaN or infinite where the sum is zero, which never counts.
+        // Where the sum is zero all three are, and t is NaN, which is at most nothing.
         let t = u.mul(a).add(v.mul(b)).add(w.mul(c)).div(sum);
         let found = inside & below & above & t.at_most(lanes.doubles_splat(until));
         let edges = [u.to_array(), v.to_array(), w.to_array()];

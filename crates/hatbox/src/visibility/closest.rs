@@ -32,7 +32,7 @@ impl Bvh {
         let ray = Ray::open(query.origin, query.direction, query.end)?;
         let guard = exact::guard(query.origin, query.origin);
         let Ok(local) = Local::new(self.frame, query.origin, query.direction, guard) else {
-            return self.closest_of_all(&ray, query.accept);
+            return self.closest_of_all(lanes, &ray, query.accept);
         };
         let (nodes, blocks) = (&*self.nodes, &*self.blocks);
         let mut slabs = Slabs::new(&local, query.end);
@@ -76,12 +76,12 @@ impl Bvh {
 
     /// The decision for rays that f32 does not serve.
     #[cold]
-    fn closest_of_all(&self, ray: &Ray, accept: &impl Fn(u32, bool) -> bool) -> Option<Hit> {
-        let all = self.blocks.iter().flat_map(Block::triangles);
-        all.fold(None, |best, triangle| {
-            let hit = ray.cross(&triangle).and_then(|found| ray.closer(&found, &triangle, accept, best.as_ref()));
-            hit.or(best)
-        })
+    fn closest_of_all<L: Lanes>(&self, lanes: L, ray: &Ray, accept: &impl Fn(u32, bool) -> bool) -> Option<Hit> {
+        let mut best = None;
+        for block in self.blocks.iter() {
+            nearer_in(lanes, block, ray, accept, &mut best);
+        }
+        best
     }
 }
 

@@ -1,5 +1,6 @@
 //! Every instruction set and the packets against the triangles one by one, on everything that is awkward.
 
+use super::exact::Crossing;
 use super::tests::{Numbers, ids, segment, soup};
 use super::*;
 
@@ -10,14 +11,22 @@ fn trees(triangles: &[[DVec3; 3]]) -> Vec<Bvh> {
 }
 
 /// The first crossing, by exact tests of all triangles.
-fn first_of_all(triangles: &[[DVec3; 3]], origin: DVec3, direction: DVec3, end: f64) -> Option<(f64, u32)> {
+fn first_of_all(triangles: &[[DVec3; 3]], origin: DVec3, direction: DVec3, end: f64) -> Option<Hit> {
     let ray = Ray::open(origin, direction, end)?;
     let crossing = |(index, &corners): (usize, &[DVec3; 3])| {
         let triangle = Triangle { corners, index: index as u32, id: index as u32 };
-        let found = ray.cross(&triangle)?;
-        ray.counts(&triangle, found.t).then_some((found.t, index as u32))
+        let Crossing { edges, sum, t } = ray.cross(&triangle)?;
+        let hit = Hit {
+            t,
+            triangle: triangle.index,
+            id: triangle.id,
+            front: ray.sees_front(sum),
+            barycentric: [edges[1] / sum, edges[2] / sum],
+        };
+        ray.counts(&triangle, t).then_some(hit)
     };
-    triangles.iter().enumerate().filter_map(crossing).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
+    let hits = triangles.iter().enumerate().filter_map(crossing);
+    hits.min_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)))
 }
 
 /// Coordinates on a grid, so that corners, edges and planes coincide, with rays along axes and in planes.
@@ -52,7 +61,7 @@ fn compare(triangles: &[[DVec3; 3]], trees: &[Bvh], ends: &[[DVec3; 2]], skip: [
         for (k, &[from, to]) in ends.iter().enumerate() {
             assert_eq!(u32::from(tree.occluded(from, to, skip)), expected >> k & 1, "{set:?} {from} {to} {skip:?}");
             let end = if k % 2 == 0 { 1.0 } else { f64::INFINITY };
-            let hit = tree.closest_hit(from, to - from, end, |_, _| true).map(|hit| (hit.t, hit.triangle));
+            let hit = tree.closest_hit(from, to - from, end, |_, _| true);
             assert_eq!(hit, first_of_all(triangles, from, to - from, end), "{set:?} {from} {to}");
         }
     }

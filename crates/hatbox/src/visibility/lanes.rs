@@ -1,7 +1,8 @@
 //! Vectors of f32 in three instruction sets, so that each kernel is written once.
 //!
-//! The kernels only cull; what they leave is decided in f64 by scalar code that all instruction sets share. So they may
-//! round differently (with and without fused multiply-add, say) and answers are the same all the same.
+//! Kernels of f32 only cull, so they may round differently, with and without fused multiply-add, say. What decides is
+//! f64: scalar code that all instruction sets share, and [`Doubles`], whose operations are each rounded once and alike
+//! (so there is no fused one among them). Answers are the same on all.
 
 use super::build::{LEAF, WIDTH};
 

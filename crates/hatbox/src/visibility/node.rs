@@ -203,8 +203,10 @@ impl Local {
         let mut origin = frame.to_local(origin).to_array();
         let reach = origin[0].abs().max(origin[1].abs()).max(origin[2].abs());
         let length = longest * frame.scale;
-        // Written so that NaN fails. Below 1e-300 the inverse is not finite.
-        if !(reach < FAR && longest > 1e-300 && length > 1e-30 && length < 1e30) {
+        // The greatest of several numbers may be one while others are NaN; their sum is not. Below 1e-300 the inverse is
+        // not finite.
+        let known = (direction.x + direction.y + direction.z + origin[0] + origin[1] + origin[2]).is_finite();
+        if !(known && reach < FAR && longest > 1e-300 && length > 1e-30 && length < 1e30) {
             return Err(Far);
         }
         let [x, y, z] = direction.to_array();

@@ -8,6 +8,8 @@ use hatbox::scene::{Material, Physics, Quantity, Scene};
 pub(crate) const LAMP: f64 = 0.05;
 /// Half the edge of the sheet, and its height.
 pub(crate) const SHEET: [f64; 2] = [0.33, 0.3];
+/// R of the floor.
+pub(crate) const FLOOR: f64 = 0.5;
 /// B⁰ of the lamp.
 pub(crate) const EXITANCE: f64 = 100.0;
 
@@ -23,6 +25,6 @@ pub(crate) fn scene() -> Scene {
     super::face(&mut mesh, &square(SHEET[1], SHEET[0], true), 2);
     super::face(&mut mesh, &square(1.0, LAMP, false), 1);
     let lamp = Material { exitance: Quantity::gray(EXITANCE), ..Material::diffuse("lamp", 0.0) };
-    let materials = vec![Material::diffuse("floor", 0.5), lamp, Material::diffuse("sheet", 0.0)];
+    let materials = vec![Material::diffuse("floor", FLOOR), lamp, Material::diffuse("sheet", 0.0)];
     Scene::new(mesh, materials, Physics::Light, None).expect("valid")
 }

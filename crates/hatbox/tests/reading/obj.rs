@@ -19,6 +19,19 @@ fn quads_stay_polygons_are_cut_and_lines_are_skipped() {
 }
 
 #[test]
+fn a_byte_order_mark_is_no_part_of_a_text() {
+    let mtl = b"\xEF\xBB\xBFnewmtl red\nKd 0.5 0.1 0.1\n";
+    let obj = b"\xEF\xBB\xBFmtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n";
+    let toml = b"\xEF\xBB\xBF[[mesh]]\nfile = \"a.obj\"\n";
+    let files = Files::new(&[("a.obj", obj), ("a.mtl", mtl), ("a.toml", toml)]);
+    for name in ["a.obj", "a.toml"] {
+        let scene = files.read(name).expect("right");
+        assert_eq!(scene.warnings, [""; 0], "{name}");
+        assert_close(rgb(&material(&scene, "red").reflectance, 0.0, 0.0), [0.5, 0.1, 0.1], 1e-15);
+    }
+}
+
+#[test]
 fn corners_keep_their_normals_and_texture_coordinates() {
     let obj = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.25 0.75\nvt 1\nvn 0 0 3\nf 1/1/1 2/2/1 3/1/1\nf 1 2 3\n";
     let scene = Files::new(&[("a.obj", obj)]).read("a.obj").expect("right");

@@ -384,7 +384,8 @@ impl Exchange for Sampled {
     }
 
     fn steady(&self, x: &MultiVector) -> Option<MultiVector> {
-        Some(self.without_rays(x))
+        // Light through links is not steady: neighbours have other links, and their rays bring what these leave.
+        Some(self.lamps_alone(x))
     }
 
     fn spread(&self, x: &MultiVector) -> Option<MultiVector> {

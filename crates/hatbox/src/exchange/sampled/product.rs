@@ -118,8 +118,8 @@ impl Sampled {
         });
     }
 
-    /// The part of S x that comes from the means of lamps and through links.
-    pub(super) fn without_rays(&self, x: &MultiVector) -> MultiVector {
+    /// The part of S x that comes from the means of lamps.
+    pub(super) fn lamps_alone(&self, x: &MultiVector) -> MultiVector {
         let means = self.lamps.means(&self.cells, x.bands(), |dof, band| x.band(band)[dof]);
         let mut y = MultiVector::zeros(self.rows(), x.bands());
         let row = |cell: usize, index: usize, work: &mut Work| {
@@ -128,9 +128,6 @@ impl Sampled {
             self.integrate::<0, 0>(cell, x.bands(), work);
         };
         self.by_rows(row, &mut y, |column, rows, result| column[rows].copy_from_slice(result));
-        if let Some(linked) = self.through_links(x) {
-            y.add_scaled(1.0, &linked);
-        }
         y
     }
 

@@ -67,8 +67,8 @@ impl<'a> Bar<'a> {
     /// A mark's number with the digits that its step needs.
     fn label(&self, value: f64) -> String {
         let digits = (-self.step.log10().floor()).max(0.0) as usize;
-        if value != 0.0 && (self.top >= 1e6 || digits > 4) {
-            return format!("{value:.0e}");
+        if self.top >= 1e6 || digits > 4 {
+            return if value == 0.0 { "0".to_owned() } else { format!("{value:.0e}") };
         }
         format!("{value:.digits$}")
     }

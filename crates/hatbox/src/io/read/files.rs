@@ -1,6 +1,7 @@
 //! Opening files, with errors that say what to do, and the checks that every format shares.
 
 use super::ReadError;
+use std::borrow::Cow;
 use std::io::ErrorKind;
 use std::path::Path;
 
@@ -14,6 +15,16 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>, ReadError> {
         };
         ReadError::new(path, "", format!("cannot be read ({error})"), remedy)
     })
+}
+
+/// A text; bytes that are none are replaced.
+pub(super) fn text(bytes: &[u8]) -> Cow<'_, str> {
+    String::from_utf8_lossy(unmarked(bytes))
+}
+
+/// A text without the byte order mark that some editors put before it.
+pub(super) fn unmarked(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes)
 }
 
 /// All bytes of a file that `file` names at `place`.

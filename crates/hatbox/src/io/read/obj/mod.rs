@@ -24,7 +24,7 @@ use std::path::Path;
 /// Reads an `.obj` and the `.mtl` files that it names.
 pub(super) fn read(file: &Path) -> Result<RawScene, ReadError> {
     let bytes = files::read(file)?;
-    let text = String::from_utf8_lossy(&bytes);
+    let text = files::text(&bytes);
     let mut reader = Reader::new(file);
     let text = line::joined(&text);
     for line in line::lines(file, &text) {

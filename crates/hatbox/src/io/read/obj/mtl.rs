@@ -37,7 +37,7 @@ impl Library {
         let names = if whole.is_file() { vec![whole] } else { one_by_one() };
         for path in names {
             match std::fs::read(&path) {
-                Ok(bytes) => self.read(&path, &String::from_utf8_lossy(&bytes), warnings)?,
+                Ok(bytes) => self.read(&path, &files::text(&bytes), warnings)?,
                 Err(error) => warnings.push(format!(
                     "{}: {}: the material file `{}` cannot be read ({error}); put it beside the .obj",
                     statement.file.display(),

@@ -26,8 +26,9 @@ pub const EXAMPLE: &str = include_str!("example.toml");
 
 /// Reads a `.toml` scene file and the meshes that it names.
 pub(super) fn read(file: &Path) -> Result<RawScene, ReadError> {
-    let text = String::from_utf8(files::read(file)?);
-    let text = text.map_err(|_| ReadError::new(file, "", "it is not UTF-8 text", "save it as UTF-8"))?;
+    let bytes = files::read(file)?;
+    let not_text = |_| ReadError::new(file, "", "it is not UTF-8 text", "save it as UTF-8");
+    let text = str::from_utf8(files::unmarked(&bytes)).map_err(not_text)?;
     let source = Source { file, text: text.into() };
     let content: Content = toml::from_str(&source.text).map_err(|error| source.syntax(&error))?;
     let metres = content.unit.as_ref().map_or(Ok(1.0), |unit| source.metres(unit))?;

@@ -35,7 +35,7 @@ const COPLANAR: f64 = 1e-5;
 /// Reads a `.vs3`.
 pub(super) fn read(file: &Path) -> Result<RawScene, ReadError> {
     let bytes = files::read(file)?;
-    let text = String::from_utf8_lossy(&bytes);
+    let text = files::text(&bytes);
     let mut reader = Reader::new(file);
     for statement in statement::statements(file, &text) {
         if !reader.statement(&statement)? {
