@@ -60,16 +60,9 @@ fn the_light_of_a_lamp_is_exact_at_points_on_either_side_of_a_hard_shadow_in_any
             [probe.values_with_direct_light(&points, 0, &Silent).expect("nobody stops it"), probe.values(&points)];
         let (sharp, blurred) = (errors(direct.irradiance.band(0)), errors(plain.irradiance.band(0)));
         assert!(sharp < 2e-3 && blurred > 0.1, "{}: {sharp} instead of {blurred}", basis.name);
-        let reflected = direct.irradiance.band(0).iter().zip(direct.radiosity.band(0));
-        let change = reflected.zip(plain.irradiance.band(0).iter().zip(plain.radiosity.band(0)));
-        // Where the functions swing below zero there is none to add to.
-        let above =
-            |&((e, b), (e_plain, b_plain)): &((&f64, &f64), (&f64, &f64))| e.min(*b).min(e_plain.min(*b_plain)) > 0.0;
-        let compared: Vec<_> = change.filter(above).collect();
-        assert!(compared.len() > 20, "{}: {}", basis.name, compared.len());
-        for ((e, b), (e_plain, b_plain)) in compared {
-            // B = B⁰ + R E: what is added to E is reflected.
-            assert!((0.5 * (e - e_plain) - (b - b_plain)).abs() < 1e-12, "{}: {e} {b}", basis.name);
+        // B = B⁰ + R E: what arrives at a point is reflected there, whatever functions have made of it.
+        for (e, b) in direct.irradiance.band(0).iter().zip(direct.radiosity.band(0)) {
+            assert!((b - FLOOR * e).abs() <= 1e-12 * e, "{}: {e} {b}", basis.name);
         }
     }
 }
@@ -87,14 +80,6 @@ fn no_point_has_less_than_no_light() {
     let gathered = probe.values_gathered(&points, 0, &Silent).expect("nobody stops it");
     for found in [&probed, &direct, &gathered] {
         assert!(found.irradiance.as_slice().iter().chain(found.radiosity.as_slice()).all(|&value| value >= 0.0));
-    }
-    for found in [&direct, &gathered] {
-        let pairs = found.irradiance.band(0).iter().zip(found.radiosity.band(0));
-        assert!(
-            pairs.clone().all(|(e, b)| (b - FLOOR * e).abs() <= 1e-12 * e),
-            "what leaves a point is what arrives there, reflected"
-        );
-        assert!(pairs.clone().any(|(e, _)| *e > 0.0));
     }
     let least = points.iter().map(of_functions).fold(f64::INFINITY, f64::min);
     assert!(least < 0.0, "the functions swing below zero: {least}");
