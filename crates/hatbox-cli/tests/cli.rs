@@ -228,6 +228,12 @@ fn check_finds_small_lamps_far_away() {
                  usemtl floor\nf 1 2 3 4\nusemtl lamp\nf 5 6 7 8\n";
     let report = text(&succeed(hatbox().arg("check").arg(folder.file("far.obj", scene))).stdout);
     assert!(!report.contains("no light reaches"), "{report}");
+    // Among three hundred that shine the other way.
+    let vertices = "v 0 0 -1\nv 0 1 -1\nv 1 1 -1\nv 1 0 -1\n";
+    let others = format!("usemtl lamp\n{}", "f 9 10 11 12\n".repeat(300));
+    let among = scene.replace("usemtl floor", &format!("{vertices}{others}usemtl floor"));
+    let report = text(&succeed(hatbox().arg("check").arg(folder.file("among.obj", among))).stdout);
+    assert!(!report.contains("no light reaches"), "{report}");
     let between = "v -9 -9 150\nv 9 -9 150\nv 9 9 150\nv -9 9 150\nusemtl floor\nf 9 10 11 12\n";
     let report =
         text(&succeed(hatbox().arg("check").arg(folder.file("hidden.obj", format!("{scene}{between}")))).stdout);

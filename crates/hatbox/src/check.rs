@@ -215,12 +215,12 @@ impl<'a> Sides<'a> {
     /// Whether points of some cells are seen from a side: lamps that are small or far are missed by rays that go anywhere.
     fn sees(&self, side: usize, cells: &[usize], round: u64) -> bool {
         let (own, set) = (&self.cells[side], hash(round, side as u64));
-        // Each of the cells twice, about.
+        // Each of the cells twice, at least.
         let rays = if cells.is_empty() { 0 } else { RAYS.max(2 * cells.len() as u32) };
         (0..rays).any(|k| {
-            let chosen = |of: &[usize], share: f64| of[((share * of.len() as f64) as usize).min(of.len() - 1)];
-            let ([a, b, ..], [u, v, s, t]) = (point(hash(set, 1), k), point(set, k));
-            let (panel, other) = (&self.panels[chosen(own, a)], &self.panels[chosen(cells, b)]);
+            let ([share, ..], [u, v, s, t]) = (point(hash(set, 1), k), point(set, k));
+            let panel = &self.panels[own[((share * own.len() as f64) as usize).min(own.len() - 1)]];
+            let other = &self.panels[cells[k as usize % cells.len()]];
             let (from, to) = (place(panel, [u, v]), place(other, [s, t]));
             let way = to - from;
             way.dot(panel.normal()) > 0.0
