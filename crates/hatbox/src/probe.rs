@@ -68,22 +68,18 @@ impl Probed {
         let mut warnings = Vec::new();
         if self.far > 0 {
             let percent = 100.0 * FAR;
+            let far = self.far;
             warnings.push(format!(
-                "{} farther than {percent} % of the scene's size from the surface whose value they were given; gathered \
-                 light is that of the points themselves",
-                counted(self.far, "point lies", "points lie")
+                "points farther than {percent} % of the scene's size from the surface whose value they were given: {far}; \
+                 gathered light is that of the points themselves"
             ));
         }
         if self.missed > 0 {
-            let points = counted(self.missed, "point has", "points have");
-            warnings.push(format!("{points} a normal that no surface agrees with; the values there are NaN"));
+            warnings
+                .push(format!("points with a normal that no surface agrees with, and NaN for values: {}", self.missed));
         }
         warnings
     }
-}
-
-fn counted(n: usize, one: &str, many: &str) -> String {
-    format!("{n} {}", if n == 1 { one } else { many })
 }
 
 impl<'a> Probe<'a> {

@@ -29,7 +29,7 @@ fn a_point_takes_the_value_of_the_nearest_surface_that_looks_its_way() {
     let table = text(&output.stdout);
     let rows: Vec<&str> = table.lines().collect();
     assert_eq!((rows.len(), rows[0]), (4, "x,y,z,nx,ny,nz,E_0,E_1,E_2,B_0,B_1,B_2"));
-    assert!(text(&output.stderr).contains("2 points lie farther"), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("whose value they were given: 2"), "{}", text(&output.stderr));
     let values = |row: &str| row.split(',').map(|value| value.parse().expect("a number")).collect::<Vec<f64>>();
     let [on, above, ceiling] = [1, 2, 3].map(|row| values(rows[row]));
     assert!(on[6] > 0.0 && on[6..] == above[6..], "{table}");

@@ -15,7 +15,7 @@
 
 use super::Solution;
 use crate::assemble::{load, mass, weighted_mass};
-use crate::linalg::{LinearOperator, MultiVector};
+use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
 use crate::mesh::Side;
 use crate::space::{CREASE_ANGLE, joints};
 
@@ -33,7 +33,10 @@ fn reflected_once_more(solution: &Solution) -> Option<MultiVector> {
 /// The indicated error of B̃, root of the mean square over each cell, cells × bands in the unit of B.
 pub fn local_error(solution: &Solution) -> MultiVector {
     match reflected_once_more(solution) {
-        Some(g) => indicated(solution, &g),
+        Some(g) => {
+            let weight = mass(&solution.scene, &solution.space);
+            indicated(solution, &g, &weight, &joints(&solution.scene, CREASE_ANGLE))
+        }
         None => MultiVector::zeros(solution.space.cells(), solution.bands()),
     }
 }
@@ -41,16 +44,22 @@ pub fn local_error(solution: &Solution) -> MultiVector {
 /// How far a function is in each cell from one that the space has: the second of the two parts of the indicator, for the
 /// radiosity of `function` itself in the place of g.
 pub(crate) fn roughness(function: &Solution) -> MultiVector {
-    indicated(function, &function.radiosity)
+    let weight = mass(&function.scene, &function.space);
+    indicated(function, &function.radiosity, &weight, &joints(&function.scene, CREASE_ANGLE))
 }
 
-/// The indicator from g.
-pub(super) fn indicated(solution: &Solution, g: &MultiVector) -> MultiVector {
+/// The indicator from g, Δ, and the pairs of cells that are joined.
+pub(super) fn indicated(
+    solution: &Solution,
+    g: &MultiVector,
+    mass: &BlockDiagonal,
+    joints: &[[Side; 2]],
+) -> MultiVector {
     let (space, bands) = (&solution.space, solution.bands());
     let mut squares = MultiVector::zeros(space.cells(), bands);
     let mut own = g.clone();
     own.add_scaled(-1.0, &solution.radiosity);
-    let weighted = mass(&solution.scene, space).times(&own);
+    let weighted = mass.times(&own);
     for band in 0..bands {
         for cell in 0..space.cells() {
             let area = solution.scene.mesh.patch(cell).area();
@@ -58,7 +67,7 @@ pub(super) fn indicated(solution: &Solution, g: &MultiVector) -> MultiVector {
             squares.band_mut(band)[cell] = (square / area).max(0.0);
         }
     }
-    for [a, b] in joints(&solution.scene, CREASE_ANGLE) {
+    for &[a, b] in joints {
         for (to, from) in [(a, b), (b, a)] {
             add_difference(solution, g, [to, from], &mut squares);
         }

@@ -9,7 +9,7 @@
 //!
 //! Tried and dropped: a coarse equation (constants on groups of elements) as a second preconditioner beside the mass matrix,
 //! for first solutions and new paint. Reflected light converges fast as it is, and what is left sits in edges and corners,
-//! which groups do not see: unless there was a group to every five elements, as many products were asked for.
+//! which groups do not see: hardly fewer products were asked for.
 //!
 //! It is for sampled operators, with which products are all of the time. They are kept in single precision, which is far
 //! better than the samples; a dense operator is solved with to the last digits, and fast anyway.

@@ -27,7 +27,7 @@ use super::spread::{Spread, carried_around};
 use super::{Shown, Solution, System};
 use crate::exchange::Exchange;
 use crate::linalg::{LinearOperator, MultiVector};
-use crate::mesh::Patch;
+use crate::mesh::{Patch, Side};
 use crate::progress::{Interrupted, Progress};
 use crate::quadrature::sequence::{hash, point};
 use crate::solve::{Info, SolveError};
@@ -178,6 +178,10 @@ struct Measure<'a> {
     norms: Vec<f64>,
     /// Δ⁻¹(b⁰ + M_R e).
     reflected: MultiVector,
+    /// g − B̃, the part of the residual that is known without points.
+    taken: MultiVector,
+    /// The cells that functions are joined across the edges of, if they are.
+    joints: Vec<[Side; 2]>,
     /// The indicators.
     indicated: MultiVector,
 }
@@ -185,12 +189,17 @@ struct Measure<'a> {
 impl<'a> Measure<'a> {
     fn new(system: &'a System, solution: &'a Solution, sampling: &'a Sampling<'a>) -> Self {
         let (mesh, reflected) = (&system.scene.mesh, system.reflected_once_more(solution));
+        let joints = joints(&system.scene, CREASE_ANGLE);
+        let mut taken = reflected.clone();
+        taken.add_scaled(-1.0, &solution.radiosity);
         let mut light = reflected.clone();
         light.add_scaled(-1.0, &system.projected_emission());
         let mut measure = Self {
             norms: Vec::new(),
             areas: (0..mesh.cells.len()).map(|cell| mesh.patch(cell).area()).collect(),
-            indicated: indicated(solution, &reflected),
+            indicated: indicated(solution, &reflected, system.mass(), &joints),
+            taken,
+            joints,
             reflected,
             system,
             solution,
@@ -211,30 +220,22 @@ impl<'a> Measure<'a> {
         self.sampling.within.is_none_or(|within| within[cell])
     }
 
-    /// g − B̃, the part of the residual that is known without points.
-    fn taken(&self) -> MultiVector {
-        let mut taken = self.reflected.clone();
-        taken.add_scaled(-1.0, &self.solution.radiosity);
-        taken
-    }
-
     /// The norm of g − B̃ over the cells that are asked of and joined with cells of other planes.
     fn bends(&self) -> Vec<f64> {
-        let (solution, mesh) = (self.solution, &self.solution.scene.mesh);
+        let (space, mesh) = (&self.solution.space, &self.solution.scene.mesh);
         let mut bent = vec![false; mesh.cells.len()];
-        let joints =
-            if solution.space.continuity().is_some() { joints(&solution.scene, CREASE_ANGLE) } else { Vec::new() };
-        for pair in joints.iter().map(|sides| sides.map(|side| side.cell as usize)) {
+        let joined = if space.continuity().is_some() { &*self.joints } else { &[] };
+        for pair in joined.iter().map(|sides| sides.map(|side| side.cell as usize)) {
             if mesh.normal_angle(pair[0], pair[1]) > COPLANAR_ANGLE {
                 for cell in pair {
                     bent[cell] = true;
                 }
             }
         }
-        let mut taken = self.taken();
+        let mut taken = self.taken.clone();
         for band in 0..taken.bands() {
             for cell in (0..bent.len()).filter(|&cell| !bent[cell]) {
-                taken.band_mut(band)[solution.space.range(cell)].fill(0.0);
+                taken.band_mut(band)[space.range(cell)].fill(0.0);
             }
         }
         self.norms_within(&taken)
@@ -388,7 +389,7 @@ impl<'a> Measure<'a> {
 
     /// ‖p‖² and ⟨r, p⟩ within, per band.
     fn propagated(&self, samples: &[Sample], progress: &dyn Progress) -> Result<Vec<[f64; 2]>, SolveError> {
-        let mut residual = self.taken();
+        let mut residual = self.taken.clone();
         residual.add_scaled(1.0, &part_means(self.system, samples, self.solution.bands()));
         let p = self.system.reflections(&residual, progress)?;
         let [square, product] = [&p, &residual].map(|other| self.products_within(&p, other));

@@ -7,8 +7,8 @@
 //! same for any number of threads, since each depends on its own triangles only.
 //!
 //! Half of all places for children stay empty. Nodes of the least sum of surfaces, sought from the leaves of a binary tree
-//! up (Ylitie, Karras and Laine 2017), are 40 % fewer and were dropped: rays visit as many, and leaves and nodes mixed,
-//! which cannot be guessed; first crossings took a tenth longer in the caches and a fifteenth less beyond them.
+//! up (Ylitie, Karras and Laine 2017), are far fewer and were dropped: rays visit as many, and leaves and nodes mixed,
+//! which cannot be guessed; first crossings took longer in the caches and only a little less beyond them.
 
 use super::block::Block;
 use super::exact::Triangle;

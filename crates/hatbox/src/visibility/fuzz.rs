@@ -151,6 +151,11 @@ fn rays_from_afar_and_of_any_length_agree() {
         let (far, near) = (10.0_f64.powi(numbers.below(60) as i32), 10.0_f64.powi(-(numbers.below(40) as i32)));
         let ends = [[to - (to - from) * far, to + (to - from) * far], [from, from + (to - from) * near]];
         compare(&triangles, &trees, &ends, [1, 2]);
-        compare(&triangles, &trees, &[ends[0], [from, to], [to, to], [from, DVec3::NAN]], [1, 2]);
+        compare(
+            &triangles,
+            &trees,
+            &[ends[0], [from, to], [to, to], [from, DVec3::NAN], [from, to.with_y(f64::NAN)]],
+            [1, 2],
+        );
     }
 }
