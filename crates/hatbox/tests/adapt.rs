@@ -393,7 +393,7 @@ fn on_mesh(scene: &Scene, basis: &'static Basis, n: f64, q: f64) -> Solution {
     let options = Options {
         grading: q,
         continuity: Continuity::Broken,
-        tolerance: 1e-5,
+        tolerance: 1e-3,
         error_points: 0,
         ..options(basis, 1.001 * longest / n)
     };
@@ -416,20 +416,21 @@ fn difference(solution: &Solution, truth: &Solution) -> f64 {
     here.iter().zip(exact.band(0)).map(|((found, area), exact)| area * (found - exact).powi(2)).sum::<f64>().sqrt()
 }
 
+/// From four to eight parts of an edge quadratic elements reach 2.6 only: the room is too coarse to tell.
 #[test]
-#[ignore = "fails: quadratic elements reach order 2.46, not 2.7, from 4 to 8 parts of an edge; half an hour: cargo test --release -p hatbox --test adapt -- --ignored --nocapture edges_of_a_room"]
+#[ignore = "minutes: cargo test --release -p hatbox --test adapt -- --ignored --nocapture edges_of_a_room"]
 fn graded_meshes_have_the_order_that_the_edges_of_a_room_take() {
     let scene = glowing_ceiling();
-    let truth = on_mesh(&scene, &ALL[3], 12.0, 3.0);
-    for (basis, q, n) in [(&ALL[1], 2.0, 8.0), (&ALL[3], 3.0, 4.0)] {
+    let truth = on_mesh(&scene, &ALL[3], 16.0, 3.0);
+    for (basis, q) in [(&ALL[1], 2.0), (&ALL[3], 3.0)] {
         let order = |q: f64| {
-            let errors = [n, 2.0 * n].map(|n| difference(&on_mesh(&scene, basis, n, q), &truth));
+            let errors = [8.0, 16.0].map(|n| difference(&on_mesh(&scene, basis, n, q), &truth));
             println!("{} q = {q}: {errors:?}", basis.name);
             (errors[0] / errors[1]).log2()
         };
         let (uniform, graded) = (order(1.0), order(q));
         println!("{}: order {uniform} uniform, {graded} graded", basis.name);
         assert!(uniform < 1.5, "{}: uniform {uniform}", basis.name);
-        assert!(graded > basis.order as f64 - 0.3, "{}: graded {graded}", basis.name);
+        assert!(graded > basis.order as f64 - 0.25, "{}: graded {graded}", basis.name);
     }
 }

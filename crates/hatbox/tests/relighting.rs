@@ -143,7 +143,7 @@ fn single_blocks_are_those_of_the_operator() {
 /// A sampled operator is asked for nothing it has said before.
 mod what_was_learnt {
     use super::*;
-    use hatbox::exchange;
+    use hatbox::exchange::{self, Exchange};
     use hatbox::solve::{Info, Kind, Params};
 
     const TOLERANCE: f64 = 1e-5;
@@ -209,6 +209,22 @@ mod what_was_learnt {
         let paints = materials([0.7, 0.1, 0.2], 1.0);
         let (again, fresh) = (solved(&repainted(&first, paints.clone())).0, solved(&system(paints)).0);
         assert_eq!(again.radiosity, fresh.radiosity);
+    }
+
+    /// A search that has no room for another function adds up what it has found, and begins afresh.
+    #[test]
+    fn where_little_may_be_remembered_the_light_is_the_same() {
+        let operator = exchange::kind(exchange::Sampled::NAME).expect("a kind");
+        let bright = || cube(materials([0.95, 0.9, 0.2], 1.0));
+        let with = |memory: usize| {
+            let options = Options { operator, tolerance: 0.03, memory, ..options() };
+            System::build(&bright(), &options, &Silent).expect("built")
+        };
+        let much = with(options().memory);
+        let little = with(much.exchange.statistics().bytes + 1);
+        let ((much, _), (little, info)) = (solved(&much), solved(&little));
+        assert!(info.iterations > 8, "{}", info.iterations);
+        assert!(difference(&much.radiosity, &little.radiosity) < 50.0 * TOLERANCE);
     }
 
     /// A system says the same whenever it is asked.

@@ -34,7 +34,7 @@ const BASES: [&Basis; 2] = [&ALL[1], &ALL[3]];
 const UNIFORM: [usize; 4] = [200, 800, 3200, 6400];
 const LADDER: [f64; 6] = [0.10, 0.03, 0.01, 0.005, 0.002, 0.001];
 /// Tolerances of the part `focus`.
-const FOCUSED: [f64; 2] = [0.05, 0.03];
+const FOCUSED: [f64; 3] = [0.05, 0.03, 0.02];
 /// Coefficients with which the whole scene may be solved as well.
 const MOST_WHOLE: usize = 45_000;
 /// A dense operator of more coefficients is not tried.

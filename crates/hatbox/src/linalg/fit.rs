@@ -1,50 +1,86 @@
-use super::MultiVector;
+//! Least squares of a few long columns.
+
 use rayon::prelude::*;
 
-/// Rows of a piece of work.
-const ROWS: usize = 1 << 14;
+/// Rows of a piece of work: a hundred columns of them fit into a cache.
+const ROWS: usize = 1 << 12;
 /// What is left of a column beside the columns before it, squared and relative, up to which it counts as their combination:
 /// what is a thousandth of it or less would magnify the errors of columns that are rounded to single precision.
 const DEPENDENT: f64 = 1e-6;
 
-/// For each band the coefficients y of least ‖t − Σ y_j a_j‖, where t is the band of `target` and a_j that of `columns[j]`.
-///
-/// From the normal equations by a Cholesky factorisation with pivots (Higham 2002, §10.3), which leaves out what depends on
-/// other columns: t is met to a few digits, or as many as the columns have. Sums run in a fixed order.
-pub(crate) fn fit(columns: &[MultiVector], target: &MultiVector) -> Vec<Vec<f64>> {
-    let of_band = |band: usize| {
-        let vectors: Vec<&[f64]> = columns.iter().map(|column| column.band(band)).collect();
-        solve(gram(&vectors, target.band(band)))
-    };
-    (0..target.bands()).map(of_band).collect()
+/// Columns a_j, more and more of them, whose combinations are fitted to targets.
+#[derive(Debug, Default)]
+pub(crate) struct Columns {
+    columns: Vec<Vec<f64>>,
+    /// Products of each column with those up to itself.
+    products: Vec<Vec<f64>>,
 }
 
-/// The products of the columns with each other and, in the last place of each row, with the target.
-fn gram(columns: &[&[f64]], target: &[f64]) -> Vec<Vec<f64>> {
-    let n = columns.len();
-    let of_part = |part: usize| {
-        let rows = part * ROWS..((part + 1) * ROWS).min(target.len());
-        let mut products = vec![vec![0.0; n + 1]; n];
-        for (j, row) in products.iter_mut().enumerate() {
-            let a = &columns[j][rows.clone()];
-            for (product, b) in row.iter_mut().zip(columns.iter().chain([&target])) {
-                *product = super::dot(a, &b[rows.clone()]);
-            }
-        }
-        products
-    };
-    let parts: Vec<Vec<Vec<f64>>> = (0..target.len().div_ceil(ROWS)).into_par_iter().map(of_part).collect();
-    let mut sum = vec![vec![0.0; n + 1]; n];
-    for part in parts {
-        for (row, part) in sum.iter_mut().flatten().zip(part.into_iter().flatten()) {
-            *row += part;
-        }
+impl Columns {
+    /// Adds columns, all of one length.
+    pub(crate) fn extend(&mut self, new: impl IntoIterator<Item = Vec<f64>>) {
+        let before = self.columns.len();
+        self.columns.extend(new);
+        let all: Vec<&[f64]> = self.columns.iter().map(Vec::as_slice).collect();
+        let products = products(&all[before..], &all);
+        self.products.extend(products.into_iter().enumerate().map(|(k, mut row)| {
+            row.truncate(before + k + 1);
+            row
+        }));
     }
-    sum
+
+    /// The coefficients y of least ‖t − Σ y_j a_j‖ for each target t.
+    ///
+    /// From the normal equations by a Cholesky factorisation with pivots (Higham 2002, §10.3), which leaves out what depends
+    /// on other columns: t is met to a few digits, or as many as the columns have. Sums run in a fixed order.
+    pub(crate) fn fit(&self, targets: &[&[f64]]) -> Vec<Vec<f64>> {
+        let all: Vec<&[f64]> = self.columns.iter().map(Vec::as_slice).collect();
+        let mut equations = products(&all, targets);
+        for (j, row) in equations.iter_mut().enumerate() {
+            let product = |k: usize| self.products[j.max(k)][j.min(k)];
+            row.splice(0..0, (0..all.len()).map(product));
+        }
+        solve(equations, targets.len())
+    }
+
+    /// The norm of each column.
+    pub(crate) fn norms(&self) -> impl Iterator<Item = f64> {
+        self.products.iter().enumerate().map(|(j, row)| row[j].sqrt())
+    }
+
+    /// t − Σ y_j a_j, in the place of t.
+    pub(crate) fn subtract(&self, y: &[f64], target: &mut [f64]) {
+        target.par_chunks_mut(ROWS).enumerate().for_each(|(part, rest)| {
+            for (column, y) in self.columns.iter().zip(y).filter(|(_, y)| **y != 0.0) {
+                rest.iter_mut().zip(&column[part * ROWS..]).for_each(|(rest, a)| *rest -= y * a);
+            }
+        });
+    }
+
+    /// No longer uses the first columns.
+    pub(crate) fn ignore_first(&mut self, count: usize) {
+        self.products.iter_mut().for_each(|row| row.iter_mut().take(count).for_each(|product| *product = 0.0));
+    }
 }
 
-/// Solves the normal equations, whose right side is the last column.
-fn solve(mut a: Vec<Vec<f64>>) -> Vec<f64> {
+/// The products of each column on the left with each on the right.
+fn products(left: &[&[f64]], right: &[&[f64]]) -> Vec<Vec<f64>> {
+    let length = left.first().map_or(0, |column| column.len());
+    let of_part = |part: usize| -> Vec<f64> {
+        let rows = part * ROWS..((part + 1) * ROWS).min(length);
+        let with = |a: &[f64]| right.iter().map(|b| super::dot(a, &b[rows.clone()])).collect::<Vec<f64>>();
+        left.iter().flat_map(|a| with(&a[rows.clone()])).collect()
+    };
+    let parts: Vec<Vec<f64>> = (0..length.div_ceil(ROWS)).into_par_iter().map(of_part).collect();
+    let mut sum = vec![0.0; left.len() * right.len()];
+    for part in parts {
+        sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
+    }
+    sum.chunks(right.len().max(1)).map(<[f64]>::to_vec).collect()
+}
+
+/// Solves normal equations whose right sides are the last columns.
+fn solve(mut a: Vec<Vec<f64>>, right_sides: usize) -> Vec<Vec<f64>> {
     let n = a.len();
     let scales: Vec<f64> = (0..n).map(|j| a[j][j]).collect();
     let mut order: Vec<usize> = Vec::new();
@@ -63,12 +99,15 @@ fn solve(mut a: Vec<Vec<f64>>) -> Vec<f64> {
             a[row].iter_mut().zip(&pivot_row).for_each(|(entry, pivot)| *entry -= factor * pivot);
         }
     }
-    let mut y = vec![0.0; n];
-    for &j in order.iter().rev() {
-        let known: f64 = (0..n).filter(|&k| k != j).map(|k| a[j][k] * y[k]).sum();
-        y[j] = (a[j][n] - known) / a[j][j];
-    }
-    y
+    let backwards = |right_side: usize| {
+        let mut y = vec![0.0; n];
+        for &j in order.iter().rev() {
+            let known: f64 = (0..n).filter(|&k| k != j).map(|k| a[j][k] * y[k]).sum();
+            y[j] = (a[j][n + right_side] - known) / a[j][j];
+        }
+        y
+    };
+    (0..right_sides).map(backwards).collect()
 }
 
 #[cfg(test)]
@@ -79,36 +118,65 @@ mod tests {
         (0..50_000).map(|row| (0.1 * (number + 1) as f64 * f64::from(row)).sin()).collect()
     }
 
-    fn one(numbers: Vec<f64>) -> MultiVector {
-        MultiVector::from_bands(1, numbers).expect("one band")
+    fn sum(a: f64, b: f64) -> Vec<f64> {
+        column(0).into_iter().zip(column(1)).map(|(x, y)| a * x + b * y).collect()
+    }
+
+    fn norm(x: &[f64]) -> f64 {
+        crate::linalg::dot(x, x).sqrt()
+    }
+
+    /// What the best combination leaves.
+    fn rest(columns: &Columns, target: &[f64]) -> Vec<f64> {
+        let mut rest = target.to_vec();
+        columns.subtract(&columns.fit(&[target])[0], &mut rest);
+        rest
     }
 
     #[test]
     fn a_combination_is_found_and_what_depends_on_others_does_no_harm() {
-        let sum =
-            |a: f64, b: f64| -> Vec<f64> { column(0).into_iter().zip(column(1)).map(|(x, y)| a * x + b * y).collect() };
-        let columns = [one(column(0)), one(sum(1.0, 1e-3)), one(column(1)), one(vec![0.0; 50_000])];
-        let target = one(sum(2.0, -3.0));
-        let [y] = &fit(&columns, &target)[..] else { panic!("one band") };
-        let mut rest = target.clone();
-        columns.iter().zip(y).for_each(|(column, &y)| rest.add_scaled(-y, column));
-        assert!(rest.norms()[0] < 1e-6 * target.norms()[0], "{} of {}", rest.norms()[0], target.norms()[0]);
+        let mut columns = Columns::default();
+        columns.extend([column(0), sum(1.0, 1e-3)]);
+        columns.extend([column(1), vec![0.0; 50_000]]);
+        let target = sum(2.0, -3.0);
+        assert!(norm(&rest(&columns, &target)) < 1e-6 * norm(&target));
+    }
+
+    #[test]
+    fn several_targets_are_fitted_as_each_alone() {
+        let mut columns = Columns::default();
+        columns.extend([column(0), column(1)]);
+        let targets = [column(2), sum(0.5, 0.25)];
+        let together = columns.fit(&[&targets[0], &targets[1]]);
+        for (y, target) in together.iter().zip(&targets) {
+            assert_eq!(*y, columns.fit(&[target])[0]);
+        }
+        assert!((together[1][0] - 0.5).abs() < 1e-9 && (together[1][1] - 0.25).abs() < 1e-9);
     }
 
     #[test]
     fn what_is_left_is_orthogonal_to_every_column() {
-        let columns = [one(column(0)), one(column(1))];
-        let target = one((0..50_000).map(|row| f64::from(row % 7)).collect());
-        let y = fit(&columns, &target);
-        let mut rest = target.clone();
-        columns.iter().zip(&y[0]).for_each(|(column, &y)| rest.add_scaled(-y, column));
-        for column in &columns {
-            assert!(rest.dot(column)[0].abs() < 1e-9 * target.norms()[0] * column.norms()[0]);
+        let mut columns = Columns::default();
+        columns.extend([column(0), column(1)]);
+        let target: Vec<f64> = (0..50_000).map(|row| f64::from(row % 7)).collect();
+        let rest = rest(&columns, &target);
+        for (column, length) in [column(0), column(1)].iter().zip(columns.norms()) {
+            assert!((norm(column) - length).abs() < 1e-9 * length);
+            assert!(crate::linalg::dot(&rest, column).abs() < 1e-9 * norm(&target) * length);
         }
     }
 
     #[test]
+    fn what_is_ignored_has_no_part_in_it() {
+        let mut columns = Columns::default();
+        columns.extend([column(0), column(1)]);
+        columns.ignore_first(1);
+        let y = columns.fit(&[&sum(2.0, -3.0)]);
+        assert!(y[0][0] == 0.0 && (y[0][1] + 3.0).abs() < 0.1, "{y:?}");
+    }
+
+    #[test]
     fn no_columns_have_no_coefficients() {
-        assert_eq!(fit(&[], &one(vec![1.0, 2.0])), vec![Vec::<f64>::new()]);
+        assert_eq!(Columns::default().fit(&[&[1.0, 2.0]]), vec![Vec::<f64>::new()]);
     }
 }

@@ -12,7 +12,7 @@ mod multivector;
 
 pub use block_diagonal::{BlockDiagonal, DiagonalBlock};
 pub use csr::Csr;
-pub(crate) use fit::fit;
+pub(crate) use fit::Columns;
 pub use multivector::MultiVector;
 pub(crate) use multivector::dot;
 

@@ -17,6 +17,7 @@ mod operators;
 mod products;
 mod reconstruct;
 mod residual;
+mod search;
 mod solution;
 mod solved;
 mod spread;

@@ -14,9 +14,8 @@
 //! It is for sampled operators, with which products are all of the time. They are kept in single precision, which is far
 //! better than the samples; a dense operator is solved with to the last digits, and fast anyway.
 
-use super::operators::{Arriving, Equation};
-use crate::linalg::{LinearOperator, MultiVector, fit};
-use std::sync::{Arc, Mutex, PoisonError};
+use crate::linalg::MultiVector;
+use std::sync::Arc;
 
 /// Functions that are kept, at the most.
 const MOST: usize = 32;
@@ -25,21 +24,19 @@ const MOST: usize = 32;
 /// do: a small bright lamp is more than a large dim one, and may light the scene less.
 const SAME: f64 = 1e-6;
 const ROUNDING: f64 = 1e-10;
-/// A combination whose terms are together so many times what they sum up to has too few digits left.
-const CANCELLED: f64 = 100.0;
 /// Solvers that go farther than this begin afresh: kept numbers have seven digits.
 const FARTHEST: f64 = 1e-5;
 
 /// A function of the joined space in each band, and what arrives of it ([`Arriving`](super::operators::Arriving)).
 #[derive(Debug)]
-struct Product {
+pub(super) struct Product {
     bands: usize,
     x: Vec<f32>,
     image: Vec<f32>,
 }
 
 impl Product {
-    fn new(x: &MultiVector, image: &MultiVector) -> Self {
+    pub(super) fn new(x: &MultiVector, image: &MultiVector) -> Self {
         let single = |v: &MultiVector| v.as_slice().iter().map(|&x| x as f32).collect();
         Self { bands: x.bands(), x: single(x), image: single(image) }
     }
@@ -50,6 +47,17 @@ impl Product {
 
     fn is_finite(&self) -> bool {
         self.x.iter().chain(&self.image).all(|x| x.is_finite())
+    }
+
+    /// The function and what arrives of it.
+    pub(super) fn both(&self) -> [MultiVector; 2] {
+        [&self.x, &self.image].map(|numbers| double(numbers, self.bands))
+    }
+
+    /// Adds so many times a band of the function to `x`, and of what arrives of it to `image`.
+    pub(super) fn add(&self, factor: f64, band: usize, x: &mut [f64], image: &mut [f64]) {
+        add(x, factor, &self.x[band * x.len()..]);
+        add(image, factor, &self.image[band * image.len()..]);
     }
 
     /// What arrives of x, if every band of x is a multiple of that of this function.
@@ -74,22 +82,21 @@ impl Product {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Products(Vec<Arc<Product>>);
 
-/// A part of a solution: c and what arrives of it.
-pub(super) struct Part {
-    pub(super) x: MultiVector,
-    pub(super) image: MultiVector,
-}
-
 impl Products {
+    /// Adds a product, if so many bytes are enough for it, and it is one of numbers.
+    pub(super) fn keep(&mut self, product: &Arc<Product>, most_bytes: usize) {
+        if self.0.len() < MOST && self.bytes() + product.bytes() <= most_bytes && product.is_finite() {
+            self.0.push(Arc::clone(product));
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        self.0.iter().map(|product| product.bytes()).sum()
+    }
+
     /// These and older ones, as many as may be kept in so many bytes.
     pub(super) fn with(mut self, older: &Self, most_bytes: usize) -> Self {
-        let mut bytes: usize = self.0.iter().map(|product| product.bytes()).sum();
-        for product in &older.0 {
-            bytes += product.bytes();
-            if self.0.len() < MOST && bytes <= most_bytes {
-                self.0.push(Arc::clone(product));
-            }
-        }
+        older.0.iter().for_each(|product| self.keep(product, most_bytes));
         self
     }
 
@@ -103,40 +110,9 @@ impl Products {
         self.of_bands(x.bands()).find_map(|product| product.multiple(x))
     }
 
-    /// The combination of what is known that solves an equation best, if any is known.
-    pub(super) fn best(&self, equation: &Equation<'_>, right_side: &MultiVector) -> Option<Part> {
-        let bands = right_side.bands();
-        let of = |product: &Arc<Product>| equation.of(&double(&product.x, bands), double(&product.image, bands));
-        let columns: Vec<MultiVector> = self.of_bands(bands).map(of).collect();
-        let mut y = fit(&columns, right_side);
-        let (norms, goal): (Vec<Vec<f64>>, Vec<f64>) =
-            (columns.iter().map(MultiVector::norms).collect(), right_side.norms());
-        for (band, y) in y.iter_mut().enumerate() {
-            let terms: f64 = y.iter().zip(&norms).map(|(y, norms)| y.abs() * norms[band]).sum();
-            if terms > CANCELLED * goal[band] {
-                y.fill(0.0);
-            }
-        }
-        self.combined(&y, right_side)
-    }
-
-    fn of_bands(&self, bands: usize) -> impl Iterator<Item = &Arc<Product>> {
+    /// Those of so many bands.
+    pub(super) fn of_bands(&self, bands: usize) -> impl Iterator<Item = &Arc<Product>> {
         self.0.iter().filter(move |product| product.bands == bands)
-    }
-
-    /// Σ y_j x_j and what arrives of it.
-    fn combined(&self, y: &[Vec<f64>], like: &MultiVector) -> Option<Part> {
-        let bands = like.bands();
-        let mut products = self.of_bands(bands).peekable();
-        let rows = products.peek()?.image.len() / bands;
-        let mut part = Part { x: MultiVector::zeros(like.rows(), bands), image: MultiVector::zeros(rows, bands) };
-        for (j, product) in products.enumerate() {
-            for (band, y) in y.iter().enumerate() {
-                add(part.x.band_mut(band), y[j], &product.x[band * like.rows()..]);
-                add(part.image.band_mut(band), y[j], &product.image[band * rows..]);
-            }
-        }
-        Some(part)
     }
 }
 
@@ -147,62 +123,6 @@ fn double(numbers: &[f32], bands: usize) -> MultiVector {
 
 fn add(sum: &mut [f64], factor: f64, numbers: &[f32]) {
     sum.iter_mut().zip(numbers).for_each(|(sum, &number)| *sum += factor * f64::from(number));
-}
-
-/// What arrives, remembered.
-pub(super) struct Asked<'a> {
-    arriving: Arriving<'a>,
-    /// Most bytes that may be kept.
-    most_bytes: usize,
-    log: Mutex<Log>,
-}
-
-#[derive(Default)]
-struct Log {
-    last: Option<(MultiVector, MultiVector)>,
-    kept: Vec<Arc<Product>>,
-    bytes: usize,
-}
-
-impl<'a> Asked<'a> {
-    /// Keeps no more than so many bytes of products for [`products`](Self::products).
-    pub(super) fn new(arriving: Arriving<'a>, most_bytes: usize) -> Self {
-        Self { arriving, most_bytes, log: Mutex::default() }
-    }
-
-    /// What arrives of x, without asking if that was the last thing asked for.
-    pub(super) fn last_of(&self, x: &MultiVector) -> MultiVector {
-        let last = self.log.lock().unwrap_or_else(PoisonError::into_inner).last.take();
-        match last {
-            Some((asked, image)) if asked == *x => image,
-            _ => self.times(x),
-        }
-    }
-
-    /// All that was asked for.
-    pub(super) fn products(self) -> Products {
-        Products(self.log.into_inner().unwrap_or_else(PoisonError::into_inner).kept)
-    }
-}
-
-impl LinearOperator for Asked<'_> {
-    fn rows(&self) -> usize {
-        self.arriving.rows()
-    }
-    fn cols(&self) -> usize {
-        self.arriving.cols()
-    }
-    fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        self.arriving.apply(x, y);
-        let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
-        let product = (log.kept.len() < MOST && log.bytes < self.most_bytes).then(|| Product::new(x, y));
-        let fits = |product: &Product| log.bytes + product.bytes() <= self.most_bytes && product.is_finite();
-        if let Some(product) = product.filter(fits) {
-            log.bytes += product.bytes();
-            log.kept.push(Arc::new(product));
-        }
-        log.last = Some((x.clone(), y.clone()));
-    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 use super::lossless::lossless;
 use super::operators::{Arriving, Equation, InverseMass, Join, Mass, Reflection, Symmetric, Transport, preconditioner};
-use super::products::{Asked, Part, Products};
+use super::products::Products;
 use super::residual::greater;
+use super::search::{Room, Search};
 use super::strengths::strengths;
 use super::{Energy, Error, Gather, MaterialsError, Solution};
 use crate::assemble::{Accuracy, Block, Panel, load, mass, weighted_mass};
@@ -9,7 +10,7 @@ use crate::exchange::{self, Balanced, Escape, Exchange, ExchangeError, Geometry,
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
 use crate::progress::Progress;
 use crate::scene::{Material, Scene};
-use crate::solve::{self, Info, SolveError, cg, gmres_to, neumann};
+use crate::solve::{self, Info, SolveError, cg, gmres, neumann};
 use crate::space::{Continuity, FunctionSpace};
 use crate::visibility::{Bvh, Occluders};
 use std::fmt;
@@ -39,6 +40,23 @@ fn greatest_reflectance(scene: &Scene) -> f64 {
         (0..scene.bands).map(|band| scene.material(cell).reflectance.at(&site, band)).fold(0.0, f64::max)
     };
     (0..scene.mesh.cells.len()).map(of).fold(0.0, f64::max)
+}
+
+/// B from the emission's coefficients, and what arrives of it, by GMRES for the light that is reflected.
+fn reflected_exactly(
+    equation: &Equation<'_>,
+    preconditioner: &dyn LinearOperator,
+    mut b: MultiVector,
+    params: &solve::Params,
+    progress: &dyn Progress,
+) -> Result<(MultiVector, MultiVector, Info), SolveError> {
+    let mut arrived = equation.transport.seen.times(&b);
+    let first = equation.transport.of(arrived.clone());
+    let mut step = MultiVector::zeros(b.rows(), b.bands());
+    let info = gmres(equation, preconditioner, &first, &mut step, params, progress)?;
+    b.add_scaled(1.0, &step);
+    arrived.add_scaled(1.0, &equation.transport.seen.times(&step));
+    Ok((b, arrived, info))
 }
 
 /// S, balanced, and why it is of that kind, if it was chosen.
@@ -354,8 +372,9 @@ impl System {
         Ok((self.solution(self.join.spread(&b).into_owned()), info))
     }
 
-    /// By GMRES, for the light that is reflected: the residual is relative to its first bounce, however bright the lamps. It
-    /// begins with what is best of what is `known` of S, and gives what it has learnt, in so many bytes.
+    /// By minimal residuals, for the light that is reflected: the residual is relative to its first bounce, however bright the
+    /// lamps. A search for what a sampled S makes of it begins with what is `known` of S, and gives what it has learnt, in so
+    /// many bytes.
     fn solve_reflected(
         &self,
         load: &MultiVector,
@@ -364,29 +383,26 @@ impl System {
         params: &solve::Params,
         progress: &dyn Progress,
     ) -> Result<(Solution, Info, Products), SolveError> {
-        let seen = Asked::new(self.arriving(), bytes);
+        let seen = self.arriving();
         let reflection = self.reflection();
         let transport = Transport { join: &self.join, seen: &seen, reflection: &reflection };
         let equation = Equation { mass: self.joined_mass(), transport };
-        let mut b = self.inverse_mass().times(&self.join.collect(load.clone()));
-        let mut arrived = known.image_of(&b).unwrap_or_else(|| seen.times(&b));
-        let first = transport.of(arrived.clone());
-        let mut rest = first.clone();
-        if let Some(Part { x, image }) = known.best(&equation, &first) {
-            rest.add_scaled(-1.0, &equation.of(&x, image.clone()));
-            b.add_scaled(1.0, &x);
-            arrived.add_scaled(1.0, &image);
-        }
-        let mut step = MultiVector::zeros(b.rows(), b.bands());
+        let b = self.inverse_mass().times(&self.join.collect(load.clone()));
         // It is a matrix as far as the solver can tell, which checks its result.
         let preconditioner = InverseMass { tolerance: 1e-2 * params.tolerance, ..self.inverse_mass() };
-        let info = gmres_to(first.norms(), &equation, &preconditioner, &rest, &mut step, params, progress)?;
-        if info.iterations > 0 {
-            b.add_scaled(1.0, &step);
-            arrived.add_scaled(1.0, &seen.last_of(&step));
-        }
+        let (b, arrived, info, products) = if self.exchange.is_symmetric() {
+            let (b, arrived, info) = reflected_exactly(&equation, &preconditioner, b, params, progress)?;
+            (b, arrived, info, Products::default())
+        } else {
+            let room = Room { search: self.spare, products: bytes };
+            let mut search = Search::new(equation, self.scene.bands == 1, b, known, room, params.restart);
+            let scales = search.first_bounce();
+            let info = solve::search(&mut search, &preconditioner, scales, params, progress)?;
+            let (b, arrived, products) = search.finish();
+            (b, arrived, info, products)
+        };
         let solution = self.solution_of(self.join.spread(&b).into_owned(), arrived, self.collects());
-        Ok((solution, info, seen.products()))
+        Ok((solution, info, products))
     }
 
     /// Bytes that products may take: half of what the operator does, if it has left as much.

@@ -24,28 +24,8 @@ pub fn gmres(
     params: &Params,
     progress: &dyn Progress,
 ) -> Result<Info, SolveError> {
-    gmres_to(rhs.norms(), a, preconditioner, rhs, x, params, progress)
-}
-
-/// The same; the tolerance of each band is relative to a number of its own, as where a part of the solution is known and
-/// `rhs` is what it leaves.
-///
-/// # Errors
-/// Those of [`gmres`].
-///
-/// # Panics
-/// If the dimensions of the arguments do not match.
-pub fn gmres_to(
-    scales: Vec<f64>,
-    a: &dyn LinearOperator,
-    preconditioner: &dyn LinearOperator,
-    rhs: &MultiVector,
-    x: &mut MultiVector,
-    params: &Params,
-    progress: &dyn Progress,
-) -> Result<Info, SolveError> {
     clear_dark_bands(rhs, x);
-    let mut watch = Watch::new(scales, *params, progress);
+    let mut watch = Watch::new(rhs.norms(), *params, progress);
     check_finite(&watch.scales)?;
     loop {
         let r = residual(a, rhs, x);

@@ -5,20 +5,23 @@
 //! nothing else. Each has its own Krylov space or recurrence and its own convergence, since a red wall and a blue one
 //! make systems of different spectra; a band that has converged is frozen (its direction is zero) and is not touched
 //! again. A block Krylov method, which searches the joint space of all bands, was dropped: the operator may differ from
-//! band to band (a reflectance per band), and then no joint space exists.
+//! band to band (a reflectance per band), and then no joint space exists. Whoever knows that it does not hands
+//! [`search()`] a space that all right-hand sides share.
 //!
 //! Whatever a recurrence believes, [`gmres()`] and [`cg()`] return only when the *true* residual, computed from the
-//! solution itself, has passed the tolerance. Sums run in a fixed order: the same input gives the same bits.
+//! solution itself, has passed the tolerance; [`search()`] has no recurrence. Sums run in a fixed order: the same input gives the same bits.
 //!
 //! The solvers know operators and vectors and nothing of light. [`ALL`] lists them for whoever lets a user choose.
 
 mod cg;
 mod gmres;
 mod neumann;
+mod search;
 
 pub use cg::cg;
-pub use gmres::{gmres, gmres_to};
+pub use gmres::gmres;
 pub use neumann::neumann;
+pub use search::{SearchSpace, search};
 
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::progress::{Interrupted, Progress};

@@ -2,7 +2,7 @@
 //! less than one, a reflectance per band.
 
 use super::*;
-use crate::linalg::{Csr, Identity};
+use crate::linalg::{Columns, Csr, Identity};
 use crate::progress::Silent;
 
 const ROWS: usize = 40;
@@ -240,4 +240,84 @@ fn singular_indefinite_and_infinite_systems_break_down() {
         };
         assert_eq!(result, broken, "{kind:?} {values:?}");
     }
+}
+
+/// Functions, what [`Light`] makes of them, and what the best combination of each band leaves.
+struct Kept {
+    target: MultiVector,
+    rest: MultiVector,
+    functions: Vec<MultiVector>,
+    images: Vec<Columns>,
+}
+
+impl Kept {
+    fn new(target: MultiVector) -> Self {
+        let images = (0..target.bands()).map(|_| Columns::default()).collect();
+        Self { rest: target.clone(), target, functions: Vec::new(), images }
+    }
+
+    /// The best combination in each band.
+    fn solution(&self) -> MultiVector {
+        let mut x = MultiVector::zeros(ROWS, self.target.bands());
+        for (band, images) in self.images.iter().enumerate() {
+            let y = &images.fit(&[self.target.band(band)])[0];
+            for (function, y) in self.functions.iter().zip(y) {
+                add_scaled(x.band_mut(band), *y, function.band(band));
+            }
+        }
+        x
+    }
+}
+
+impl SearchSpace for Kept {
+    fn rest(&self) -> &MultiVector {
+        &self.rest
+    }
+
+    fn extend(&mut self, directions: &MultiVector) {
+        let image = Light { with_mass: true }.times(directions);
+        self.functions.push(directions.clone());
+        self.rest.clone_from(&self.target);
+        for (band, images) in self.images.iter_mut().enumerate() {
+            images.extend([image.band(band).to_vec()]);
+            let y = images.fit(&[self.target.band(band)]);
+            images.subtract(&y[0], self.rest.band_mut(band));
+        }
+    }
+}
+
+/// It takes the steps of GMRES, and none where a space that holds the solution is known.
+#[test]
+fn a_search_ends_at_the_solution_and_begins_with_what_is_known() {
+    let (rhs, params) = (lamps(), Params { tolerance: 1e-8, ..Params::default() });
+    let by_gmres = run(Kind::Gmres, &rhs, &mut MultiVector::zeros(ROWS, 3), &params, &Silent).expect("regular");
+    let mut space = Kept::new(rhs.clone());
+    let info = search(&mut space, &mass_inverse(), rhs.norms(), &params, &Silent).expect("regular");
+    assert_eq!((info.iterations, &info.converged), (by_gmres.iterations, &by_gmres.converged));
+    let x = space.solution();
+    for band in 0..3 {
+        let exact = direct(Light { with_mass: true }.dense(band), rhs.band(band));
+        for (x, exact) in x.band(band).iter().zip(exact) {
+            assert!((x - exact).abs() < 1e-6 * exact.abs(), "band {band}: {x} {exact}");
+        }
+    }
+    let mut dimmer = rhs;
+    dimmer.as_mut_slice().iter_mut().for_each(|x| *x *= 0.3);
+    let mut known = Kept { target: dimmer.clone(), ..space };
+    let none = MultiVector::zeros(ROWS, 3);
+    known.extend(&none);
+    let again = search(&mut known, &mass_inverse(), dimmer.norms(), &params, &Silent).expect("regular");
+    assert_eq!(again.iterations, 0);
+}
+
+#[test]
+fn a_search_says_why_it_ends() {
+    let rhs = lamps();
+    let few = Params { tolerance: 1e-14, max_iterations: 3, ..Params::default() };
+    let result = search(&mut Kept::new(rhs.clone()), &mass_inverse(), rhs.norms(), &few, &Silent);
+    assert!(matches!(result, Err(SolveError::NotConverged { iterations: 3, .. })), "{result:?}");
+    let mut broken = rhs.clone();
+    broken.band_mut(1)[5] = f64::NAN;
+    let result = search(&mut Kept::new(broken), &mass_inverse(), rhs.norms(), &few, &Silent);
+    assert_eq!(result, Err(SolveError::Breakdown { band: 1 }));
 }

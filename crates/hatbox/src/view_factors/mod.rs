@@ -31,6 +31,7 @@ use crate::visibility::{Bvh, Visibility};
 use groups::Grouping;
 use matrix::Matrix;
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -379,17 +380,20 @@ impl Source<'_> {
         let (panels, blockers) = (self.geometry.panels(), self.geometry.blockers);
         let n = panels.len() as u64;
         let pick = |k| crate::quadrature::sequence::hash(self.accuracy.seed ^ 0x7265_7665, k) % n.max(1);
-        let pairs = (0..4 * REVERSED).map(|k| (pick(2 * k) as usize, pick(2 * k + 1) as usize));
-        let seen = pairs.filter(|&(i, j)| dense.exchange_area(i, j) != 0.0).take(REVERSED as usize);
-        let error = |(i, j): (usize, usize)| {
-            let (a, b) = (&panels[i.max(j)], &panels[i.min(j)]);
+        let pairs = (0..4 * REVERSED).map(|k| [2 * k, 2 * k + 1].map(|k| pick(k) as usize));
+        let seen = pairs.filter(|&[i, j]| dense.exchange_area(i, j) != 0.0).take(REVERSED as usize);
+        // Of few elements the same pairs are picked again and again.
+        let seen: BTreeSet<[usize; 2]> = seen.map(|[i, j]| [i.max(j), i.min(j)]).collect();
+        let error = |[i, j]: [usize; 2]| {
+            let (a, b) = (&panels[i], &panels[j]);
             let skip = [a.surface, b.surface];
             let hides = |x: &[_], y: &[_]| blockers.occluded_packet(x, y, skip);
             let reversed = pair_block(a, b, Sight::Partial(&hides), [1.0; 2], &self.accuracy).sum();
             let known = dense.exchange_area(i, j);
             (known - reversed).abs() / known.max(a.area() * b.area() / self.accuracy.total_area)
         };
-        check::greatest(seen.map(error))
+        let errors: Vec<f64> = seen.into_par_iter().map(error).collect();
+        check::greatest(errors)
     }
 }
 

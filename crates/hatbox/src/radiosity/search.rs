@@ -1,0 +1,198 @@
+//! A solution sought among all functions of which it is known what arrives of them.
+//!
+//! Products with a sampled S are all of the time, so none is wasted: what other lights and paints have asked for is where
+//! the search begins *and goes on*, what a new direction brings is all that it does not have yet, and what arrives of
+//! the solution is put together from what arrived of its parts, without a product to check it. (Each product is rounded to single
+//! precision at once, and what is left of the equation is computed from the rounded one.)
+//!
+//! Where the equation is the same for all columns, a scene of one band under many suns, each is sought among the
+//! directions of all (the block method of D. O'Leary 1980). Bands of different reflectances could share theirs, too, since S
+//! is the same for all: on a furnished room and a building that saved one product of ten, and takes three times the
+//! columns. To split each direction into its parts on each material was tried as well: new paint then takes four products
+//! instead of six, of eight times as many columns.
+
+use super::operators::Equation;
+use super::products::{Product, Products};
+use crate::linalg::{Columns, MultiVector};
+use crate::solve::SearchSpace;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// A combination whose terms are together so many times what they sum up to has too few digits left.
+const CANCELLED: f64 = 100.0;
+/// Directions at the least before the search begins afresh.
+const FEWEST: usize = 8;
+
+/// How much may be remembered.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Room {
+    /// Bytes for the search.
+    pub(super) search: usize,
+    /// Bytes for what other lights and paints may use.
+    pub(super) products: usize,
+}
+
+/// The reflected light of an emission, and where it is sought.
+pub(super) struct Search<'a> {
+    equation: Equation<'a>,
+    /// What is found so far and does not change any more, the emission first, and what arrives of it.
+    found: [MultiVector; 2],
+    /// The norms of the light that is reflected once.
+    first_bounce: Vec<f64>,
+    /// The right side of the equation for the rest.
+    target: MultiVector,
+    /// What the best combination leaves of it.
+    rest: MultiVector,
+    /// The functions that are combined; the first were known before.
+    products: Vec<Arc<Product>>,
+    known: usize,
+    /// What the equation makes of them: of each band, or, where all have the same equation, of all.
+    spaces: Vec<Columns>,
+    /// The best combination for each band.
+    best: Vec<Vec<f64>>,
+    /// Functions at the most.
+    most: usize,
+    kept: Products,
+    room: Room,
+}
+
+impl<'a> Search<'a> {
+    /// Begins with the combination of what is `known` that is best. `equation` is `shared` by all columns, or each has its own.
+    pub(super) fn new(
+        equation: Equation<'a>,
+        shared: bool,
+        emission: MultiVector,
+        known: &Products,
+        room: Room,
+        restart: usize,
+    ) -> Self {
+        let mut kept = Products::default();
+        let arrived = known.image_of(&emission).unwrap_or_else(|| {
+            let image = equation.transport.seen.times(&emission);
+            kept.keep(&Arc::new(Product::new(&emission, &image)), room.products);
+            image
+        });
+        let target = equation.transport.of(arrived.clone());
+        let bands = target.bands();
+        // A function, what arrives of it, and what the equation makes of it.
+        let bytes = bands * (equation.transport.seen.rows() + 3 * target.rows()) * size_of::<f32>();
+        let mut search = Self {
+            equation,
+            first_bounce: target.norms(),
+            rest: target.clone(),
+            target,
+            products: Vec::new(),
+            known: 0,
+            spaces: (0..if shared { 1 } else { bands }).map(|_| Columns::default()).collect(),
+            best: vec![Vec::new(); bands],
+            most: (room.search / bytes.max(1)).clamp(FEWEST, restart.max(FEWEST)),
+            found: [emission, arrived],
+            kept,
+            room,
+        };
+        let most_known = search.most - FEWEST / 2;
+        known.of_bands(bands).take(most_known).for_each(|product| search.take(product));
+        search.known = search.products.len();
+        search.fit();
+        search
+    }
+
+    /// The norm of the light that is reflected once, in each band.
+    pub(super) fn first_bounce(&self) -> Vec<f64> {
+        self.first_bounce.clone()
+    }
+
+    /// The solution, what arrives of it, and what was asked for.
+    pub(super) fn finish(mut self) -> (MultiVector, MultiVector, Products) {
+        self.fold();
+        let [solution, arrived] = self.found;
+        (solution, arrived, self.kept)
+    }
+
+    fn take(&mut self, product: &Arc<Product>) {
+        let [x, image] = product.both();
+        let made = self.equation.of(&x, image);
+        let mut columns = made.iter_bands().map(<[f64]>::to_vec);
+        if let [all] = &mut self.spaces[..] {
+            all.extend(columns);
+        } else {
+            self.spaces.iter_mut().zip(&mut columns).for_each(|(space, column)| space.extend([column]));
+        }
+        self.products.push(Arc::clone(product));
+    }
+
+    /// Finds the best combinations, and what they leave.
+    fn fit(&mut self) {
+        self.best = self.fitted();
+        if self.forget_what_cancels() {
+            self.best = self.fitted();
+        }
+        self.rest.clone_from(&self.target);
+        for (band, y) in self.best.iter().enumerate() {
+            self.spaces[band.min(self.spaces.len() - 1)].subtract(y, self.rest.band_mut(band));
+        }
+    }
+
+    fn fitted(&self) -> Vec<Vec<f64>> {
+        let targets: Vec<&[f64]> = self.target.iter_bands().collect();
+        match &self.spaces[..] {
+            [all] => all.fit(&targets),
+            each => each.iter().zip(targets).flat_map(|(space, target)| space.fit(&[target])).collect(),
+        }
+    }
+
+    /// No longer combines what was known before in bands where it takes large multiples that cancel; whether there are any.
+    fn forget_what_cancels(&mut self) -> bool {
+        let (goals, known, last) = (self.target.norms(), self.known * self.width(), self.spaces.len() - 1);
+        let mut forgotten = false;
+        for (band, y) in self.best.iter().enumerate() {
+            let space = &mut self.spaces[band.min(last)];
+            let terms: f64 = y.iter().zip(space.norms()).take(known).map(|(y, norm)| y.abs() * norm).sum();
+            if terms > CANCELLED * goals[band] {
+                space.ignore_first(known);
+                forgotten = true;
+            }
+        }
+        forgotten
+    }
+
+    /// Columns of a space for each function.
+    fn width(&self) -> usize {
+        self.target.bands() / self.spaces.len()
+    }
+
+    /// Adds the best combination to what is found, and begins afresh.
+    fn fold(&mut self) {
+        let width = self.width();
+        let [x, image] = &mut self.found;
+        let (rows, seen) = (x.rows().max(1), image.rows().max(1));
+        let bands = x.as_mut_slice().par_chunks_mut(rows).zip(image.as_mut_slice().par_chunks_mut(seen));
+        bands.zip(&self.best).enumerate().for_each(|(band, ((x, image), y))| {
+            for (product, y) in self.products.iter().zip(y.chunks(width)) {
+                y.iter().enumerate().for_each(|(k, &y)| product.add(y, if width > 1 { k } else { band }, x, image));
+            }
+        });
+        self.target.clone_from(&self.rest);
+        self.products.clear();
+        self.known = 0;
+        self.spaces.iter_mut().for_each(|space| *space = Columns::default());
+        self.best.iter_mut().for_each(Vec::clear);
+    }
+}
+
+impl SearchSpace for Search<'_> {
+    fn rest(&self) -> &MultiVector {
+        &self.rest
+    }
+
+    fn extend(&mut self, directions: &MultiVector) {
+        if self.products.len() >= self.most {
+            self.fold();
+        }
+        let image = self.equation.transport.seen.times(directions);
+        let product = Arc::new(Product::new(directions, &image));
+        self.kept.keep(&product, self.room.products);
+        self.take(&product);
+        self.fit();
+    }
+}
