@@ -109,6 +109,7 @@ fn light(lines: &mut Lines, report: &Report) {
     let escaped = energy.escaped.iter().sum::<f64>() / emitted;
     let escaped = match report.closure.escape {
         0.0 if escaped.abs() < SMALL_LOSS => String::new(),
+        0.0 if report.closure.covered > 0.0 => format!(", {} lost under what covers it", percent(escaped)),
         0.0 => format!(", {} lost by errors of the operator", percent(escaped)),
         _ => format!(", {} escaped", percent(escaped)),
     };

@@ -168,6 +168,8 @@ pub struct PartReport {
 pub struct ClosureReport {
     /// Fraction of rays that leave the scene; 0 in a closed one.
     pub escape: f64,
+    /// Share of the area that lies under other faces, and sees nothing.
+    pub covered: f64,
     /// The worst row's deviation from what a closed scene must have, before balancing.
     pub deficit: f64,
     /// Whether the operator was balanced to exact row sums.
@@ -242,6 +244,7 @@ impl Report {
             parts,
             closure: ClosureReport {
                 escape: solved.closure.escape,
+                covered: solved.closure.covered,
                 deficit: solved.closure.deficit,
                 balanced: solved.closure.balanced,
                 factor: solved.closure.factor,

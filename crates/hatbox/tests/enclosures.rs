@@ -209,3 +209,45 @@ fn a_bright_cube_with_a_small_hole_loses_what_the_hole_lets_out() {
     // 200 000 rays meet the hole 30 times: ± 18 %.
     assert!((escaped / through - 1.0).abs() < 0.4, "{escaped} {through} {:?}", solved.closure);
 }
+
+/// A box that stands on the floor of a room, in its corner: what it covers of the floor and of two walls is inside it,
+/// and nothing but its own bottom and back, in the same planes, is between the one and the other.
+fn box_in_a_corner() -> Scene {
+    let mut mesh = meshes::room(glam::DVec3::ONE, |_| false);
+    let (from, to) = (glam::DVec3::new(0.7, 0.6, 0.0), glam::DVec3::new(1.0, 1.0, 0.5));
+    for corners in meshes::CUBE {
+        let mut face = corners.map(|p| from + glam::DVec3::from(p) * (to - from));
+        face.reverse();
+        meshes::face(&mut mesh, &face, 0);
+    }
+    let glowing = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("all", 0.5) };
+    Scene::new(mesh, vec![glowing], Physics::Light, None).expect("a valid scene")
+}
+
+/// Before, the covered parts of floor and walls saw each other, and half as many rays as should told that the room was open:
+/// the light of all was raised or lowered by some percent, at any tolerance.
+#[test]
+fn what_is_covered_sees_nothing_and_the_rest_of_the_room_is_closed() {
+    let scene = box_in_a_corner();
+    for kind in hatbox::exchange::ALL {
+        for basis in &ALL {
+            let options = Options { operator: kind, error_points: 64, ..options(basis, 300, 0.02) };
+            let system = System::build(&scene, &options, &Silent).expect("built");
+            let solved = system.solved(&options, &Silent).expect("solved");
+            let (name, solution) = (format!("{}, {}", kind.name, basis.name), &solved.solution);
+            assert!(system.exchange.closure.escape == 0.0 && system.exchange.closure.balanced, "{name}");
+            let mut covered = 0.0;
+            for cell in 0..solution.space.cells() {
+                let irradiance = &solution.irradiance.band(0)[solution.space.range(cell)];
+                let dark = irradiance.iter().all(|&e| e == 0.0);
+                let as_in_a_furnace = irradiance.iter().all(|&e| (e - 2.0).abs() < 1e-5);
+                assert!(dark || as_in_a_furnace, "{name}, cell {cell}: {irradiance:?}");
+                covered += if dark { solution.scene.mesh.patch(cell).area() } else { 0.0 };
+            }
+            let twice = 2.0 * (0.3 * 0.4 + 0.3 * 0.5 + 0.4 * 0.5);
+            assert!((covered - twice).abs() < 1e-9, "{name}: {covered}");
+            let error = solved.error.expect("asked for").relative;
+            assert!(error < 1e-4, "{name}: the estimate is {error}");
+        }
+    }
+}

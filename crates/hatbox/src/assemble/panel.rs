@@ -26,6 +26,8 @@ pub struct Panel {
     pub vertices: [u32; 4],
     /// The face of the input it belongs to.
     pub surface: u32,
+    /// Whether something lies on it, so that it sees nothing.
+    pub covered: bool,
     /// Its centroid, the centre of its bounding sphere.
     pub center: DVec3,
     /// Radius of its bounding sphere.
@@ -65,6 +67,7 @@ impl Panel {
             element,
             vertices,
             surface,
+            covered: false,
             center,
             radius: patch.corners().iter().map(|corner| corner.distance(center)).fold(0.0, f64::max),
             spread,

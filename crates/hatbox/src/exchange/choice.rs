@@ -24,6 +24,9 @@ const PARTIAL: f64 = 100e-6;
 /// city.
 const PARTIAL_LIT: f64 = 800e-6;
 const RAY: f64 = 1e-6;
+/// CPU seconds of a byte of the table of all pairs: to fill it, and to read it in some twenty products. A sphere of 9600 faces,
+/// none of which sees another, is such a table of 13 GB, and takes a minute.
+const BYTE: f64 = 5e-9;
 /// All pairs, which leave no noise, are worth so many CPU seconds.
 const PATIENCE: f64 = 25.0;
 /// Pairs that are looked at, and segments between the cells of each.
@@ -81,7 +84,7 @@ pub fn choose(problem: &Problem<'_>) -> (&'static Kind, String) {
     let pairs = 0.5 * (mesh.cells.len() as f64).powi(2);
     let [clear, partial, lit] = shares(problem);
     let entries = (problem.coefficients as f64 / mesh.cells.len() as f64 / 3.0).powi(2);
-    let all_pairs = pairs * (CLEAR * entries * clear + PARTIAL * partial + PARTIAL_LIT * lit);
+    let all_pairs = BYTE * bytes as f64 + pairs * (CLEAR * entries * clear + PARTIAL * partial + PARTIAL_LIT * lit);
     let rays = RAY * mesh.cells.len() as f64 * f64::from(sampled::rays_for(problem.tolerance, 1.0));
     let [seconds, with_rays] = [all_pairs, rays].map(|seconds| format!("{:.0} CPU seconds", seconds.max(1.0)));
     let hidden = format!("{:.0} % of them partly hidden", 100.0 * (partial + lit));

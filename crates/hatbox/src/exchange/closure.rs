@@ -55,8 +55,11 @@ const STEP_RESIDUAL: f64 = 1e-6;
 /// What was found about the row sums, and done.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Closure {
-    /// Fraction of cosine-distributed rays, area-weighted, that leave the scene or end on a back.
+    /// Fraction of cosine-distributed rays, area-weighted, that leave the scene or end on a back; of cells that are not
+    /// covered.
     pub escape: f64,
+    /// Share of the area that others [cover](Geometry::covered): it sees nothing.
+    pub covered: f64,
     /// 1 − 1ᵀS1/A before scaling: the same fraction, as S has it.
     pub lost: f64,
     /// Largest |1 − (S 1)_i/A_i| over the cells before scaling, meaningful in a closed scene.
@@ -103,19 +106,22 @@ impl Balanced {
     /// Scales S to exact row sums if the scene is closed and the deficit small; otherwise leaves it as it is.
     pub fn new(
         exchange: Box<dyn Exchange>,
-        scene: &Scene,
-        space: &FunctionSpace,
-        mass: &BlockDiagonal,
-        mass_inverse: &BlockDiagonal,
+        geometry: &Geometry<'_>,
+        [mass, mass_inverse]: [&BlockDiagonal; 2],
         escape: &Escape,
     ) -> Self {
+        let (scene, space) = (geometry.scene, geometry.space);
         let ones = MultiVector::uniform(space.broken_dofs(), &[1.0]);
-        let target = mass.times(&ones);
+        let (mut target, mut covered) = (mass.times(&ones), 0.0);
+        for (cell, _) in geometry.covered().iter().enumerate().filter(|(_, covered)| **covered) {
+            target.band_mut(0)[space.range(cell)].fill(0.0);
+            covered += scene.mesh.patch(cell).area() / scene.mesh.area();
+        }
         let sums = exchange.times(&ones);
         let total = |x: &MultiVector| x.band(0).iter().sum::<f64>();
         let lost = 1.0 - total(&sums) / total(&target);
         let deficit = cell_deficit(space, &target, &sums);
-        let closure = Closure { escape: escape.fraction, lost, deficit, balanced: false, factor: 1.0 };
+        let closure = Closure { escape: escape.fraction, covered, lost, deficit, balanced: false, factor: 1.0 };
         let mut balanced = Self { exchange, scaling: None, factor: None, closure };
         if escape.fraction == 0.0 && deficit < GREATEST_DEFICIT {
             balanced.balance(scene, space, mass, mass_inverse, [&target, &sums]);
@@ -267,11 +273,11 @@ impl Exchange for Balanced {
     }
 }
 
-/// The largest relative deficit of a cell's row sum.
+/// The largest relative deficit of a cell's row sum, of those that have one.
 fn cell_deficit(space: &FunctionSpace, target: &MultiVector, sums: &MultiVector) -> f64 {
     let deficit = |cell: usize| {
         let over = |v: &MultiVector| v.band(0)[space.range(cell)].iter().sum::<f64>();
-        (1.0 - over(sums) / over(target)).abs()
+        if over(target) == 0.0 { 0.0 } else { (1.0 - over(sums) / over(target)).abs() }
     };
     (0..space.cells()).map(deficit).fold(0.0, f64::max)
 }
@@ -286,15 +292,17 @@ pub struct Escape {
     pub scatter: f64,
 }
 
-/// The fraction of the light of uniformly glowing cells that leaves the scene: [`escapes`], weighted by area.
+/// The fraction of the light of uniformly glowing cells that leaves the scene: [`escapes`], weighted by area. Cells that
+/// others [cover](Geometry::covered) do not count.
 ///
 /// # Errors
 /// [`Interrupted`].
 pub fn escape(geometry: &Geometry<'_>, seed: u64, progress: &dyn Progress) -> Result<Escape, Interrupted> {
     let fractions = escapes(geometry, 0, seed, progress)?;
-    let mesh = &geometry.scene.mesh;
-    let area = mesh.area().max(f64::MIN_POSITIVE);
-    let shares = || fractions.iter().enumerate().map(|(cell, fraction)| (mesh.patch(cell).area() / area, fraction));
+    let (mesh, covered) = (&geometry.scene.mesh, geometry.covered());
+    let seeing = || fractions.iter().enumerate().filter(|&(cell, _)| !covered[cell]);
+    let area = seeing().map(|(cell, _)| mesh.patch(cell).area()).sum::<f64>().max(f64::MIN_POSITIVE);
+    let shares = || seeing().map(|(cell, fraction)| (mesh.patch(cell).area() / area, fraction));
     let rays = f64::from(rays_per_cell(fractions.len(), 0));
     let doubted = |share: f64, fraction: f64| {
         if share > LARGE_SHARE { (fraction * rays + 1.0) / (rays + 2.0) } else { fraction }
@@ -370,7 +378,8 @@ fn by_weight(weights: &[f64]) -> Vec<usize> {
     (0..LAMP_RAYS).map(|k| ends.partition_point(|&end| end <= share(k)).min(weights.len() - 1)).collect()
 }
 
-/// For each cell the fraction of cosine rays that hit nothing, or a side of a face that receives nothing. At least
+/// For each cell the fraction of cosine rays that hit nothing, or a side of a face that receives nothing; all of those of a
+/// cell that is covered. At least
 /// `rays` are cast from each; if that is none, and the topology of the scene says that it is closed, there are none.
 ///
 /// # Errors
@@ -397,7 +406,11 @@ pub(super) fn measured(
     let mesh = &geometry.scene.mesh;
     let receives = receiving_sides(geometry.scene);
     let count = rays_per_cell(mesh.cells.len(), rays);
+    let covered = geometry.covered();
     let lost = |cell: usize| {
+        if covered[cell] {
+            return Ok(1.0);
+        }
         let (patch, surface) = (mesh.patch(cell), mesh.cells[cell].surface);
         let set = hash(seed ^ 0x6573_6361, cell as u64);
         let escapes = |&k: &u32| {

@@ -7,6 +7,7 @@
 
 mod choice;
 mod closure;
+mod covered;
 mod dense;
 mod hierarchical;
 mod norm;
@@ -178,7 +179,7 @@ pub enum ExchangeError {
 }
 
 /// What exchanges light, and what stands between.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct Geometry<'a> {
     /// The scene, subdivided.
     pub scene: &'a Scene,
@@ -189,6 +190,7 @@ pub struct Geometry<'a> {
     /// The same faces, to cast rays at.
     pub blockers: &'a Arc<Bvh>,
     panels: &'a OnceLock<Vec<Panel>>,
+    covered: OnceLock<Vec<bool>>,
 }
 
 impl<'a> Geometry<'a> {
@@ -199,12 +201,21 @@ impl<'a> Geometry<'a> {
         blockers: &'a Arc<Bvh>,
         panels: &'a OnceLock<Vec<Panel>>,
     ) -> Self {
-        Self { scene, space, surfaces: &scene.surfaces, blockers, panels }
+        Self { scene, space, surfaces: &scene.surfaces, blockers, panels, covered: OnceLock::new() }
     }
 
     /// The panels; those of one face of the input follow each other.
     pub fn panels(&self) -> &'a [Panel] {
-        self.panels.get_or_init(|| Panel::of(&self.scene.mesh, self.space))
+        self.panels.get_or_init(|| {
+            let mut panels = Panel::of(&self.scene.mesh, self.space);
+            panels.iter_mut().zip(self.covered()).for_each(|(panel, &covered)| panel.covered = covered);
+            panels
+        })
+    }
+
+    /// For each cell whether others lie on all of it, so that it sees nothing.
+    pub fn covered(&self) -> &[bool] {
+        self.covered.get_or_init(|| covered::covered(self.scene, self.blockers))
     }
 }
 

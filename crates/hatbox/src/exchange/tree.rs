@@ -33,6 +33,26 @@ pub(super) struct Cluster {
     pub(super) plane: Option<(DVec3, DVec3)>,
     /// A height up to which all of the panels count as lying in a plane.
     pub(super) flat: f64,
+    /// The panels' normals, if they are not those of the plane, and no more than a half-space of them.
+    normals: Option<Cone>,
+    /// Whether the panels are covered.
+    pub(super) covered: bool,
+}
+
+/// Directions around an axis: those whose angle with it has at most this sine, if it is less than a right one.
+#[derive(Debug, Clone, Copy)]
+struct Cone {
+    axis: DVec3,
+    sine: f64,
+}
+
+impl Cone {
+    /// Around all of some directions; `None` if no half-space holds them.
+    fn around(directions: impl Iterator<Item = DVec3> + Clone) -> Option<Self> {
+        let axis = directions.clone().sum::<DVec3>().try_normalize()?;
+        let cosine = directions.map(|d| d.dot(axis)).fold(1.0, f64::min);
+        (cosine > 0.0).then(|| Self { axis, sine: (1.0 - cosine * cosine).max(0.0).sqrt() })
+    }
 }
 
 impl Cluster {
@@ -40,14 +60,37 @@ impl Cluster {
         self.children.is_empty()
     }
 
-    /// Whether none of the panels sees any of another's, by their planes.
-    pub(super) fn faces_away(&self, other: &Self) -> bool {
+    /// Whether none of the panels sees any of another's: by their planes or their normals, or because they are covered.
+    pub(super) fn sees_nothing_of(&self, other: &Self) -> bool {
+        self.covered || other.covered || self.faces_away(other)
+    }
+
+    fn faces_away(&self, other: &Self) -> bool {
         let flat = self.flat + other.flat;
         let behind = |plane: Option<(DVec3, DVec3)>, corners: &[DVec3]| {
             plane.is_some_and(|(origin, n)| corners.iter().all(|&corner| n.dot(corner - origin) <= flat))
         };
-        behind(self.plane, other.hull.corners()) || behind(other.plane, self.hull.corners())
+        behind(self.plane, other.hull.corners())
+            || behind(other.plane, self.hull.corners())
+            || self.turns_its_back_on(bounds(&other.hull), flat)
+            || other.turns_its_back_on(bounds(&self.hull), flat)
     }
+
+    /// Whether n·(y − x) ≤ `flat` for all normals n and points x of the panels and all points y of a box: with s the sine of the
+    /// cone around the axis a, n·d ≤ a·d + s |d|, which is convex, and greatest at a corner of the box around all d = y − x.
+    pub(super) fn turns_its_back_on(&self, [other_lo, other_hi]: [DVec3; 2], flat: f64) -> bool {
+        let Some(Cone { axis, sine }) = self.normals else { return false };
+        let [lo, hi] = bounds(&self.hull);
+        let ends = [other_lo - hi, other_hi - lo];
+        let corner = |k: usize| DVec3::new(ends[k & 1].x, ends[k >> 1 & 1].y, ends[k >> 2].z);
+        (0..8).map(corner).all(|d| axis.dot(d) + sine * d.length() <= flat)
+    }
+}
+
+/// The corners of the box around a body.
+fn bounds(body: &Body) -> [DVec3; 2] {
+    let corners = || body.corners().iter().copied();
+    [corners().fold(DVec3::INFINITY, DVec3::min), corners().fold(DVec3::NEG_INFINITY, DVec3::max)]
 }
 
 /// The clusters of a scene.
@@ -62,7 +105,9 @@ pub(super) struct Tree {
 impl Tree {
     pub(super) fn new(panels: &[Panel]) -> Self {
         let (mut order, mut parts, mut roots) = (Vec::with_capacity(panels.len()), Vec::new(), Vec::new());
-        for (mut group, flat) in groups(panels) {
+        let (covered, seeing) = (0..panels.len() as u32).partition(|&k| panels[k as usize].covered);
+        let groups = groups(panels, seeing).into_iter().chain([(covered, false)]);
+        for (mut group, flat) in groups.filter(|(group, _)| !group.is_empty()) {
             let start = order.len();
             let first = &panels[group[0] as usize];
             let plane = flat.then(|| (first.patch.corners()[0], first.normal()));
@@ -115,14 +160,15 @@ fn divide(panels: &[Panel], members: &mut [u32], at: usize, parts: &mut Vec<Part
 }
 
 /// Groups of coplanar panels that look the same way, and the rest in one group; whether each is a plane's.
-fn groups(panels: &[Panel]) -> Vec<(Vec<u32>, bool)> {
+fn groups(panels: &[Panel], members: Vec<u32>) -> Vec<(Vec<u32>, bool)> {
     // Distances from the middle of the scene, so that it may lie anywhere.
     let lo = panels.iter().map(|panel| panel.center).fold(DVec3::INFINITY, DVec3::min);
     let hi = panels.iter().map(|panel| panel.center).fold(DVec3::NEG_INFINITY, DVec3::max);
     let (middle, size) = (lo.midpoint(hi), lo.distance(hi).max(f64::MIN_POSITIVE));
     let mut number = HashMap::new();
     let mut planes: Vec<Vec<u32>> = Vec::new();
-    for (index, panel) in panels.iter().enumerate() {
+    for index in members {
+        let panel = &panels[index as usize];
         let n = panel.normal();
         let round = |x: f64| (x * STEPS).round() as i64;
         let key = [round(n.x), round(n.y), round(n.z), round(n.dot(panel.center - middle) / size)];
@@ -130,7 +176,7 @@ fn groups(panels: &[Panel]) -> Vec<(Vec<u32>, bool)> {
         if group == planes.len() {
             planes.push(Vec::new());
         }
-        planes[group].push(index as u32);
+        planes[group].push(index);
     }
     let (flat, single): (Vec<_>, Vec<_>) =
         planes.into_iter().partition(|group| group.len() >= FEWEST && lies_in_one_plane(panels, group));
@@ -179,7 +225,10 @@ fn cluster(panels: &[Panel], order: &[u32], part: Part) -> Cluster {
         }
     };
     let shortest = members.iter().map(|&k| panels[k as usize].longest_edge()).fold(f64::INFINITY, f64::min);
-    Cluster { range, children, hull, plane, flat: FLAT * shortest }
+    let normals =
+        if plane.is_some() { None } else { Cone::around(members.iter().map(|&k| panels[k as usize].normal())) };
+    let covered = members.iter().all(|&k| panels[k as usize].covered);
+    Cluster { range, children, hull, plane, flat: FLAT * shortest, normals, covered }
 }
 
 /// The convex hull of points of a plane, or a rectangle around it if it has more than eight corners.
@@ -226,6 +275,7 @@ fn convex_hull(mut points: Vec<DVec2>) -> Vec<DVec2> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::assemble::Facing;
     use crate::element::{ALL, Shape};
     use crate::mesh::Patch;
 
@@ -286,6 +336,43 @@ mod tests {
         let [floor, above] = [tree.roots[0], tree.roots[tree.roots.len() - 1]].map(|root| &tree.clusters[root]);
         assert!(floor.plane.is_some() && above.plane.is_none());
         assert!(floor.faces_away(floor) && !floor.faces_away(above));
+    }
+
+    /// Triangles all over a sphere; those of every other octant look inwards.
+    fn ball() -> Vec<Panel> {
+        let at = |i: usize, j: usize| {
+            let (z, angle) = (1.0 - i as f64 / 12.0, j as f64 * std::f64::consts::TAU / 24.0);
+            let (sin, cos) = angle.sin_cos();
+            DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z
+        };
+        let halves = |(i, j): (usize, usize)| {
+            [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]]
+        };
+        let triangles = (0..24).flat_map(|i| (0..24).map(move |j| (i, j))).flat_map(halves);
+        let large = triangles.filter(|[a, b, c]| (b - a).cross(c - a).length() > 1e-6);
+        let panel = |[a, b, c]: [DVec3; 3]| {
+            let inwards = (a + b + c).to_array().into_iter().filter(|x| *x > 0.0).count() % 2 == 0;
+            let corners = if inwards { [a, c, b, b] } else { [a, b, c, c] };
+            let element = ALL[0].element(Shape::Triangle).expect("constants");
+            Panel::new(Patch::new(Shape::Triangle, corners), element, [0, 1, 2, 2], 0)
+        };
+        large.map(panel).collect()
+    }
+
+    #[test]
+    fn clusters_that_turn_their_backs_have_no_panels_that_see_each_other() {
+        let panels = ball();
+        let tree = Tree::new(&panels);
+        let members = |cluster: &Cluster| tree.order[cluster.range.clone()].iter().map(|&k| &panels[k as usize]);
+        let mut away = 0;
+        for (one, other) in tree.clusters.iter().flat_map(|one| tree.clusters.iter().map(move |other| (one, other))) {
+            if one.sees_nothing_of(other) {
+                away += one.range.len() * other.range.len();
+                let sees = |a: &Panel| members(other).any(|b| Facing::new(&a.patch, &b.patch).is_some());
+                assert!(!members(one).any(sees), "{:?} {:?}", one.range, other.range);
+            }
+        }
+        assert!(away > panels.len() * panels.len(), "over all levels: {away}");
     }
 
     #[test]

@@ -12,7 +12,7 @@ use super::weld::distinct;
 use super::{Mesh, Patch};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
-use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
+use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, PositionInTriangulation, Triangulation};
 
 /// A segment.
 pub type Line = [DVec3; 2];
@@ -20,6 +20,12 @@ pub type Line = [DVec3; 2];
 /// Lines that are closer to parallel than this (as a sine) are not asked where they cross; their ends tell where they
 /// meet.
 const PARALLEL: f64 = 1e-9;
+/// Triangles are needles if the sine of an angle is less than this; one beside a short edge gets a corner that sees the edge
+/// under an angle of which this is the half's tangent.
+const NEEDLE: f64 = 0.26;
+/// Points are added in so many rounds, and so many times the points that there are, at the most.
+const ROUNDS: usize = 12;
+const MOST_ADDED: usize = 4;
 
 /// What a cell is to be cut along.
 struct Cut {
@@ -77,7 +83,7 @@ impl Mesh {
         let mut split = 0;
         for (index, cell) in mesh.cells.iter().enumerate() {
             let net = nets.next_if(|net| net.cell == index);
-            if let Some(triangles) = net.and_then(|net| mesh.triangulated_along(net, tolerance)) {
+            if let Some(triangles) = net.and_then(|net| mesh.triangulated_along(net, tolerance, &mut builder)) {
                 for triangle in triangles {
                     builder.push(cell, &triangle);
                 }
@@ -137,8 +143,9 @@ impl Mesh {
         (mesh, nets)
     }
 
-    /// The triangles of a cell that has the lines of the net among their edges; `None` if there is nothing to cut.
-    fn triangulated_along(&self, net: &Net, tolerance: f64) -> Option<Vec<[Corner; 3]>> {
+    /// The triangles of a cell that has the lines of the net among their edges, with vertices that the mesh to be built gets for
+    /// them; `None` if there is nothing to cut.
+    fn triangulated_along(&self, net: &Net, tolerance: f64, builder: &mut Builder) -> Option<Vec<[Corner; 3]>> {
         let corners = &self.corners(net.cell)[..self.cells[net.cell].shape.corners()];
         let mut vertices: Vec<u32> = corners.iter().map(|corner| corner.vertex).collect();
         let edges: Vec<[u32; 2]> =
@@ -158,15 +165,24 @@ impl Mesh {
         }
         let frame = Frame::of(&self.patch(net.cell));
         let flat: Vec<DVec2> = positions.iter().map(|&p| frame.flat(p)).collect();
-        let corner = |k: usize| {
-            let own = corners.iter().find(|corner| corner.vertex == vertices[k]);
-            own.copied().unwrap_or_else(|| self.corner_within(net.cell, vertices[k]))
+        let (added, triangles) = delaunay(&flat, boundary.iter().chain(&inner))?;
+        let added: Vec<Corner> = added.into_iter().map(|p| self.corner_at(net.cell, builder, frame.point(p))).collect();
+        let corner = |k: usize| match vertices.get(k) {
+            None => added[k - vertices.len()],
+            Some(&vertex) => {
+                let own = corners.iter().find(|corner| corner.vertex == vertex);
+                own.copied().unwrap_or_else(|| self.corner_within(net.cell, vertex, self.vertices[vertex as usize]))
+            }
         };
-        let mut triangles: Vec<[Corner; 3]> =
-            delaunay(&flat, boundary.iter().chain(&inner))?.into_iter().map(|t| t.map(corner)).collect();
+        let mut triangles: Vec<[Corner; 3]> = triangles.into_iter().map(|t| t.map(corner)).collect();
         // Vertices beside an edge by the last bits leave flat triangles on it.
         triangles.retain(|triangle| distinct(triangle, tolerance).is_some());
         (triangles.len() > 1).then_some(triangles)
+    }
+
+    /// The corner of a part of a cell at a new vertex within the cell.
+    fn corner_at(&self, cell: usize, builder: &mut Builder, position: DVec3) -> Corner {
+        self.corner_within(cell, builder.vertex(position), position)
     }
 }
 
@@ -186,6 +202,10 @@ impl Frame {
     fn flat(&self, p: DVec3) -> DVec2 {
         let [x, y] = self.axes.map(|axis| (p - self.origin).dot(axis));
         DVec2::new(x, y)
+    }
+
+    fn point(&self, p: DVec2) -> DVec3 {
+        self.origin + self.axes[0] * p.x + self.axes[1] * p.y
     }
 }
 
@@ -308,10 +328,10 @@ fn pieces(lines: &[[usize; 2]], points: &[DVec3], tolerance: f64) -> Vec<[usize;
     pieces
 }
 
-/// A point that knows its number.
+/// A point that knows its number, if it was given one.
 struct Node {
     at: Point2<f64>,
-    index: usize,
+    index: Option<usize>,
 }
 
 impl HasPosition for Node {
@@ -322,14 +342,24 @@ impl HasPosition for Node {
     }
 }
 
-/// The constrained Delaunay triangulation of points, counter-clockwise; `None` if they are not finite. Where lines cross
+impl From<Point2<f64>> for Node {
+    fn from(at: Point2<f64>) -> Self {
+        Self { at, index: None }
+    }
+}
+
+/// The constrained Delaunay triangulation of points, counter-clockwise, and points that were added to them, numbered
+/// after them, where triangles would have been needles otherwise; `None` if points are not finite. Where lines cross
 /// between the points, the first stays.
-fn delaunay<'a>(points: &[DVec2], lines: impl Iterator<Item = &'a [usize; 2]>) -> Option<Vec<[usize; 3]>> {
+fn delaunay<'a>(
+    points: &[DVec2],
+    lines: impl Iterator<Item = &'a [usize; 2]>,
+) -> Option<(Vec<DVec2>, Vec<[usize; 3]>)> {
     let mut triangulation = ConstrainedDelaunayTriangulation::<Node>::new();
     let mut handles = Vec::with_capacity(points.len());
     for (index, p) in points.iter().enumerate() {
         let at = spade::mitigate_underflow(Point2::new(p.x, p.y));
-        handles.push(triangulation.insert(Node { at, index }).ok()?);
+        handles.push(triangulation.insert(Node { at, index: Some(index) }).ok()?);
     }
     for &[from, to] in lines {
         // Two vertices above each other are one point here.
@@ -337,5 +367,69 @@ fn delaunay<'a>(points: &[DVec2], lines: impl Iterator<Item = &'a [usize; 2]>) -
             triangulation.try_add_constraint(handles[from], handles[to]);
         }
     }
-    Some(triangulation.inner_faces().map(|face| face.vertices().map(|vertex| vertex.data().index)).collect())
+    without_needles(&mut triangulation);
+    let mut added = Vec::new();
+    let numbers: Vec<usize> = triangulation
+        .vertices()
+        .map(|vertex| {
+            let Node { at, index } = *vertex.data();
+            index.unwrap_or_else(|| {
+                added.push(DVec2::new(at.x, at.y));
+                points.len() + added.len() - 1
+            })
+        })
+        .collect();
+    let triangles = triangulation.inner_faces().map(|face| face.vertices().map(|vertex| numbers[vertex.index()]));
+    Some((added, triangles.collect()))
+}
+
+/// Adds points beside the short edges of needles, where they crowd no other point and come near no line.
+///
+/// It is the refinement of J. Ruppert (1995) with the off-centers of A. Üngör (2004), but lines are not cut: other cells share
+/// them. (That of `spade` was tried; it gives up in flat triangles that rounding leaves at borders.)
+fn without_needles(triangulation: &mut ConstrainedDelaunayTriangulation<Node>) {
+    let most = (1 + MOST_ADDED) * triangulation.num_vertices();
+    for _ in 0..ROUNDS {
+        let found: Vec<(DVec2, f64)> = triangulation
+            .inner_faces()
+            .filter_map(|face| beside_needle(face.positions().map(|p| DVec2::new(p.x, p.y))))
+            .collect();
+        let mut added = false;
+        for (p, apart) in found {
+            let at = Point2::new(p.x, p.y);
+            if triangulation.num_vertices() < most && is_free(triangulation, at, apart) {
+                added |= triangulation.insert(Node::from(at)).is_ok();
+            }
+        }
+        if !added {
+            return;
+        }
+    }
+}
+
+/// Where a point would make a better triangle with the shortest edge of a needle, and how long that edge is.
+fn beside_needle(corners: [DVec2; 3]) -> Option<(DVec2, f64)> {
+    let length = |k: usize| corners[k].distance(corners[(k + 1) % 3]);
+    let shortest = (0..3).min_by(|&j, &k| length(j).total_cmp(&length(k)))?;
+    let [a, b, c] = [0, 1, 2].map(|k| corners[(shortest + k) % 3]);
+    let (edge, sides) = (b - a, (c - a).length() * (c - b).length());
+    let sine = (c - a).perp_dot(c - b).abs() / sides;
+    if sine.is_nan() || sine >= NEEDLE {
+        return None;
+    }
+    // No farther than the centre of the circle through the corners.
+    let height = (0.5 * edge.length() * (1.0 - sine * sine).sqrt() / sine).min(0.5 * edge.length() / NEEDLE);
+    let towards = edge.perp().normalize_or_zero();
+    Some((0.5 * (a + b) + towards * height, edge.length()))
+}
+
+/// Whether a point lies in a triangle, is so far apart from its corners, and sees none of its edges that are lines under an
+/// obtuse angle.
+fn is_free(triangulation: &ConstrainedDelaunayTriangulation<Node>, at: Point2<f64>, apart: f64) -> bool {
+    let PositionInTriangulation::OnFace(face) = triangulation.locate(at) else { return false };
+    let p = DVec2::new(at.x, at.y);
+    triangulation.face(face).adjacent_edges().iter().all(|edge| {
+        let [from, to] = edge.positions().map(|q| DVec2::new(q.x, q.y) - p);
+        from.length() >= apart && (!edge.is_constraint_edge() || from.dot(to) >= 0.0)
+    })
 }

@@ -81,8 +81,7 @@ impl Mesh {
     }
 
     /// The corner of a part of a cell at a vertex within the cell.
-    pub(crate) fn corner_within(&self, cell: usize, vertex: u32) -> Corner {
-        let position = self.vertices[vertex as usize];
+    pub(crate) fn corner_within(&self, cell: usize, vertex: u32, position: DVec3) -> Corner {
         let weights = self.cells[cell].shape.corner_weights(self.patch(cell).locate(position));
         let corners = self.corners(cell);
         let weighted = || corners.iter().zip(weights);

@@ -39,7 +39,8 @@ impl Mesh {
         let placed = Self { vertices, ..self.clone() };
         let mut builder = Builder::like(&placed);
         for (cell, &parent) in fine.cells.iter().zip(&parents) {
-            let corners = cell.corners().iter().map(|&v| placed.corner_within(parent as usize, v));
+            let corners =
+                cell.corners().iter().map(|&v| placed.corner_within(parent as usize, v, placed.vertices[v as usize]));
             builder.push(cell, &corners.collect::<Vec<Corner>>());
         }
         Ok(builder.finish())

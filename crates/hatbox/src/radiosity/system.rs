@@ -67,7 +67,6 @@ fn operator(
     [mass, mass_inverse]: [&BlockDiagonal; 2],
     progress: &dyn Progress,
 ) -> Result<(Balanced, Option<String>), ExchangeError> {
-    let (scene, space) = (geometry.scene, geometry.space);
     let (kind, reason) = kind.chosen(&exchange::Problem::of(geometry, params));
     let exchange = (kind.build)(geometry, params, progress)?;
     let escape = match exchange.escape() {
@@ -75,7 +74,7 @@ fn operator(
         Some(fraction) => Escape { fraction, scatter: f64::INFINITY },
         None => exchange::escape(geometry, params.seed, progress)?,
     };
-    Ok((Balanced::new(exchange, scene, space, mass, mass_inverse, &escape), reason))
+    Ok((Balanced::new(exchange, geometry, [mass, mass_inverse], &escape), reason))
 }
 
 /// What does not depend on the light: a space on a scene, its mass matrix and its exchange operator.
@@ -178,7 +177,7 @@ impl System {
 
     /// The cells as panels, made when they are first asked for.
     pub(super) fn panels(&self) -> &[Panel] {
-        self.panels.get_or_init(|| Panel::of(&self.scene.mesh, &self.space))
+        Geometry::new(&self.scene, &self.space, &self.blockers, &self.panels).panels()
     }
 
     /// The block S_ij = ∬ N_i N_j G V of two cells, integrated afresh as the dense operator would, to a tolerance of its own,

@@ -7,6 +7,7 @@ use crate::{kernel, panel};
 use glam::{DMat3, DVec3};
 use hatbox::assemble::{Accuracy, Block, Panel, Sight, pair_block};
 use hatbox::element::{ALL, Shape};
+use hatbox::mesh::Patch;
 use hatbox::quadrature::gauss_legendre;
 use std::f64::consts::PI;
 
@@ -260,4 +261,30 @@ fn through_a_slot(at: f64, width: f64) -> f64 {
         2.0 * most * rule.iter().map(|&(x, w)| w * term(x * most)).sum::<f64>()
     };
     width * rule.iter().map(|&(x, w)| w * over(at + x * width)).sum::<f64>()
+}
+
+/// Two neighbours on a sphere whose corners a file has rounded to seven digits: each is bent by rounding, so that a sliver of one
+/// is in front of the other, with an edge of no length. That edge touched its neighbour at both ends, and was taken for it:
+/// 0.84 of the light went from one to the other.
+#[test]
+fn neighbours_on_a_rounded_sphere_do_not_see_each_other() {
+    let corners = points(&[
+        [2.807265, 1.56574, 2.098204],
+        [2.716844, 1.523705, 2.144275],
+        [2.7429, 1.523705, 2.186794],
+        [2.825, 1.56574, 2.127145],
+        [2.775286, 1.523705, 2.224714],
+        [2.847044, 1.56574, 2.152956],
+    ]);
+    let quad = |k: [u32; 4]| {
+        let element = ALL[0].element(Shape::Quad).expect("constants");
+        Panel::new(Patch::new(Shape::Quad, k.map(|k| corners[k as usize])), element, k, k[1])
+    };
+    let (a, b) = (quad([0, 1, 2, 3]), quad([3, 2, 4, 5]));
+    for tolerance in TOLERANCES {
+        for (from, to) in [(&a, &b), (&b, &a)] {
+            let factor = clear(from, to, tolerance).sum() / from.area();
+            assert!((0.0..1e-6).contains(&factor), "{tolerance:e}: {factor}");
+        }
+    }
 }

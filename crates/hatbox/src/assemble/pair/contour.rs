@@ -101,12 +101,15 @@ impl Edge {
     fn with(&self, other: &Self, budget: f64) -> [f64; 2] {
         let (mine, others) = ([self.start, self.end()], [other.start, other.end()]);
         let touch = |p: DVec3, q: DVec3| p.distance_squared(q) <= 1e-28 * (self.length + other.length).powi(2);
-        let shared: Vec<(usize, usize)> =
+        let shared: ArrayVec<(usize, usize), 4> =
             [(0, 0), (0, 1), (1, 0), (1, 1)].into_iter().filter(|&(i, j)| touch(mine[i], others[j])).collect();
         match shared[..] {
             [] => self.apart(other, budget),
-            [(i, j)] => [self.at_a_corner(mine[1 - i], other, others[1 - j]), 0.0],
-            _ => [self.length * self.length * (self.length.ln() - 1.5), 0.0],
+            [.., last] if shared[0].0 != last.0 && shared[0].1 != last.1 => {
+                [self.length * self.length * (self.length.ln() - 1.5), 0.0]
+            }
+            // One end, or an edge that clipping has left, so short that both of its ends are there.
+            [(i, j), ..] => [self.at_a_corner(mine[1 - i], other, others[1 - j]), 0.0],
         }
     }
 

@@ -151,7 +151,10 @@ impl Builder<'_> {
             return Err(Interrupted);
         }
         let [one, other] = pair.map(|cluster| &self.tree.clusters[cluster]);
-        if other.range.end <= one.range.start + 1 || one.faces_away(other) || !self.wants([&one.range, &other.range]) {
+        if other.range.end <= one.range.start + 1
+            || one.sees_nothing_of(other)
+            || !self.wants([&one.range, &other.range])
+        {
             return Ok(());
         }
         let mut list = Vec::new();

@@ -54,7 +54,10 @@ impl<W: Fn(usize) -> bool, F: FnMut(usize, PointRow)> Look<'_, W, F> {
     fn at(&mut self, cluster: usize, inherited: Between<'_>) {
         let cluster = &self.panorama.tree.clusters[cluster];
         let members = || self.panorama.tree.order[cluster.range.clone()].iter().map(|&panel| panel as usize);
-        if self.is_turned_away(cluster) || (cluster.is_leaf() && !members().any(|panel| (self.wanted)(panel))) {
+        if cluster.covered
+            || self.is_turned_away(cluster)
+            || (cluster.is_leaf() && !members().any(|panel| (self.wanted)(panel)))
+        {
             return;
         }
         let (mut list, skip) = (Vec::new(), [self.views.of_surface(self.from.surface), u32::MAX]);
@@ -78,6 +81,7 @@ impl<W: Fn(usize) -> bool, F: FnMut(usize, PointRow)> Look<'_, W, F> {
     fn is_turned_away(&self, cluster: &Cluster) -> bool {
         let &Viewpoint { at, normal, .. } = self.from;
         cluster.plane.is_some_and(|(origin, n)| n.dot(at - origin) <= 0.0)
+            || cluster.turns_its_back_on([at; 2], 0.0)
             || cluster.hull.corners().iter().all(|&corner| normal.dot(corner - at) <= 0.0)
     }
 }

@@ -57,6 +57,9 @@ impl Views<'_> {
     pub fn pair_block(&self, panels: [&Panel; 2], weights: [f64; 2], accuracy: &Accuracy) -> Block {
         let [a, b] = panels;
         let blocked = || pair_block(a, b, Sight::Blocked, weights, accuracy);
+        if a.covered || b.covered {
+            return blocked();
+        }
         let Some(facing) = Facing::new(&a.patch, &b.patch) else { return blocked() };
         let ends = facing.polygons().map(Body::polygon);
         let mut list = Vec::new();

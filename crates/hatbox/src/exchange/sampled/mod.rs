@@ -158,7 +158,9 @@ impl Sampled {
         let locator = Locator::new(geometry.scene, &cells);
         let is_lamp = |cell: usize| lamps.of(cell).is_some();
         let seed = hash(params.seed, 0);
-        let tracer = Tracer::new(Arc::clone(geometry.blockers), locator, is_lamp, cells.order(), rays, seed);
+        let is_covered = |cell: usize| geometry.covered()[cell];
+        let blockers = Arc::clone(geometry.blockers);
+        let tracer = Tracer::new(blockers, locator, [&is_lamp, &is_covered], cells.order(), rays, seed);
         let mut tables: Vec<Table> = Vec::new();
         for cell in 0..cells.len() {
             if !tables.iter().any(|table| std::ptr::eq(table.element, cells.element(cell))) {
@@ -293,7 +295,9 @@ impl Sampled {
             self.tracer.trace(&self.cells, cell, &table.points, self.linked_with(cell), &mut hits);
             let cell_area = self.cells.area(cell);
             let escaped = hits.iter().filter(|hit| hit.is_lost()).count();
-            (area, lost) = (area + cell_area, lost + cell_area * escaped as f64 / k as f64);
+            if !self.tracer.is_covered(cell) {
+                (area, lost) = (area + cell_area, lost + cell_area * escaped as f64 / k as f64);
+            }
             if keep {
                 kept.push(&hits);
             }
@@ -405,6 +409,9 @@ impl Exchange for Sampled {
     }
 
     fn irradiance(&self, cell: usize, at: [f64; 2], x: &MultiVector, seed: u64) -> Option<Vec<f64>> {
+        if self.tracer.is_covered(cell) {
+            return Some(vec![0.0; x.bands()]);
+        }
         let (patch, surface) = (self.cells.patch(cell), self.cells.surface(cell));
         let (origin, frame) = (patch.point(at), Frame::new(&patch));
         let means = self.lamps.means(&self.cells, x.bands(), |dof, band| x.band(band)[dof]);

@@ -101,8 +101,9 @@ pub(super) fn place(shape: Shape, [u, v]: [f64; 2]) -> [f64; 2] {
 pub(super) struct Tracer {
     pub(super) blockers: Arc<Bvh>,
     pub(super) locator: Locator,
-    /// One bit for each cell of a lamp.
+    /// One bit for each cell of a lamp, and for each that others cover.
     lamps: Vec<u64>,
+    covered: Vec<u64>,
     /// The points of all cells.
     blocks: Blocks,
     /// The block of each cell.
@@ -113,16 +114,13 @@ impl Tracer {
     pub(super) fn new(
         blockers: Arc<Bvh>,
         locator: Locator,
-        lamp: impl Fn(usize) -> bool,
+        [lamp, covered]: [&dyn Fn(usize) -> bool; 2],
         block: Vec<u32>,
         rays: u32,
         seed: u64,
     ) -> Self {
-        let mut lamps = vec![0; block.len().div_ceil(64)];
-        for cell in (0..block.len()).filter(|&cell| lamp(cell)) {
-            lamps[cell / 64] |= 1 << (cell % 64);
-        }
-        Self { blockers, locator, lamps, blocks: Blocks::new(seed, rays), block }
+        let (lamps, covered) = (bits(block.len(), lamp), bits(block.len(), covered));
+        Self { blockers, locator, lamps, covered, blocks: Blocks::new(seed, rays), block }
     }
 
     /// The place of a cell among all along a curve through space.
@@ -131,11 +129,19 @@ impl Tracer {
     }
 
     pub(super) fn is_lamp(&self, cell: usize) -> bool {
-        self.lamps[cell / 64] >> (cell % 64) & 1 == 1
+        has_bit(&self.lamps, cell)
+    }
+
+    pub(super) fn is_covered(&self, cell: usize) -> bool {
+        has_bit(&self.covered, cell)
     }
 
     /// Casts all rays of a cell from the given points; `linked` is what it is linked with.
     pub(super) fn trace(&self, cells: &Cells, cell: usize, points: &Points, linked: Linked<'_>, hits: &mut [Hit]) {
+        if self.is_covered(cell) {
+            hits.fill(Hit::LOST);
+            return;
+        }
         let patch = cells.patch(cell);
         let frame = Frame::new(&patch);
         for ((hit, &at), [s, t]) in hits.iter_mut().zip(&points.at).zip(self.blocks.first(self.block[cell])) {
@@ -159,8 +165,21 @@ impl Tracer {
     }
 
     pub(super) fn bytes(&self) -> usize {
-        self.locator.bytes() + 8 * self.lamps.len()
+        self.locator.bytes() + size_of_val(&*self.lamps) + size_of_val(&*self.covered)
     }
+}
+
+/// One bit for each cell.
+fn bits(cells: usize, is_set: &dyn Fn(usize) -> bool) -> Vec<u64> {
+    let word = |first: usize| {
+        let set = (first..cells.min(first + 64)).filter(|&cell| is_set(cell));
+        set.fold(0, |word, cell| word | 1 << (cell - first))
+    };
+    (0..cells).step_by(64).map(word).collect()
+}
+
+fn has_bit(bits: &[u64], cell: usize) -> bool {
+    bits[cell / 64] >> (cell % 64) & 1 == 1
 }
 
 /// An orthonormal frame on a patch.
