@@ -22,6 +22,8 @@ const AGREEMENT: f64 = 0.5;
 
 /// Points farther from the surface than this fraction of the scene's diagonal are [`far`](Probed::far).
 pub const FAR: f64 = 0.01;
+/// A point in front of a cell lies on it if it is no farther than this part of the cell's longest edge.
+const ON: f64 = 0.01;
 
 /// Answers where a point lies on the surfaces of a solution.
 pub struct Probe<'a> {
@@ -71,7 +73,7 @@ impl Probed {
             let far = self.far;
             warnings.push(format!(
                 "points farther than {percent} % of the scene's size from the surface whose value they were given: {far}; \
-                 gathered light is that of the points themselves"
+                 gather the light afresh to have it at the points themselves"
             ));
         }
         if self.missed > 0 {
@@ -155,8 +157,9 @@ impl<'a> Probe<'a> {
     /// the most accurate value that a solution has for a point ([`Sources`]). It takes a visit of every surface for every
     /// point. `seed` chooses rays, where any are needed.
     ///
-    /// A point that is [`FAR`] from every surface that looks its way, as on a work plane, is where it is: E is what arrives there
-    /// on a small area with that normal, and there is no B.
+    /// A point in front of every surface that looks its way, farther than a hundredth of a cell's longest edge, is where it is, as
+    /// on a work plane: E is what arrives there on a small area with that normal, and there is no B. One that is behind a surface
+    /// is on it up to [`FAR`].
     ///
     /// # Errors
     /// [`Interrupted`].
@@ -168,8 +171,8 @@ impl<'a> Probe<'a> {
     ) -> Result<Probed, Interrupted> {
         let (mut places, sources) = (self.places(points), Sources::all(self.solution));
         let limit = self.limit();
-        for place in &mut places {
-            *place = place.filter(|place| place.distance <= limit);
+        for (place, (x, _)) in places.iter_mut().zip(points) {
+            *place = place.filter(|place| self.is_on(*place, *x, limit));
         }
         progress.begin("gathering", places.len() as u64);
         let light = |(row, place): (usize, &Option<Place>)| {
@@ -202,6 +205,13 @@ impl<'a> Probe<'a> {
         let scene = &self.solution.scene;
         let (material, site) = (scene.material(place.cell), scene.site(place.cell, place.at));
         material.leaving(&site, band, irradiance)
+    }
+
+    /// Whether a point lies on the cell that it belongs to, and not in the air in front of it.
+    fn is_on(&self, place: Place, x: DVec3, limit: f64) -> bool {
+        let patch = self.solution.scene.mesh.patch(place.cell);
+        let is_behind = patch.normal().dot(x - patch.point(place.at)) <= 0.0;
+        place.distance <= if is_behind { limit } else { (ON * patch.longest_edge()).min(limit) }
     }
 
     /// The distance from which on points are far.

@@ -13,8 +13,9 @@
 
 use super::operators::Equation;
 use super::products::{Product, Products};
-use crate::linalg::{Columns, MultiVector};
-use crate::solve::SearchSpace;
+use crate::linalg::{Columns, LinearOperator, MultiVector};
+use crate::progress::Progress;
+use crate::solve::{Info, Params, SearchSpace, SolveError, gmres};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -22,6 +23,23 @@ use std::sync::Arc;
 const CANCELLED: f64 = 100.0;
 /// Directions at the least before the search begins afresh.
 const FEWEST: usize = 8;
+
+/// B from the emission's coefficients, and what arrives of it, by GMRES for the light that is reflected.
+pub(super) fn reflected_exactly(
+    equation: &Equation<'_>,
+    preconditioner: &dyn LinearOperator,
+    mut b: MultiVector,
+    params: &Params,
+    progress: &dyn Progress,
+) -> Result<(MultiVector, MultiVector, Info), SolveError> {
+    let mut arrived = equation.transport.seen.times(&b);
+    let first = equation.transport.of(arrived.clone());
+    let mut step = MultiVector::zeros(b.rows(), b.bands());
+    let info = gmres(equation, preconditioner, &first, &mut step, params, progress)?;
+    b.add_scaled(1.0, &step);
+    arrived.add_scaled(1.0, &equation.transport.seen.times(&step));
+    Ok((b, arrived, info))
+}
 
 /// How much may be remembered.
 #[derive(Debug, Clone, Copy)]

@@ -2,7 +2,7 @@ use super::lossless::lossless;
 use super::operators::{Arriving, Equation, InverseMass, Join, Mass, Reflection, Symmetric, Transport, preconditioner};
 use super::products::Products;
 use super::residual::greater;
-use super::search::{Room, Search};
+use super::search::{Room, Search, reflected_exactly};
 use super::strengths::strengths;
 use super::{Energy, Error, Gather, MaterialsError, Solution};
 use crate::assemble::{Accuracy, Block, Panel, load, mass, weighted_mass};
@@ -10,7 +10,7 @@ use crate::exchange::{self, Balanced, Escape, Exchange, ExchangeError, Geometry,
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
 use crate::progress::Progress;
 use crate::scene::{Material, Scene};
-use crate::solve::{self, Info, SolveError, cg, gmres, neumann};
+use crate::solve::{self, Info, SolveError, cg, neumann};
 use crate::space::{Continuity, FunctionSpace};
 use crate::visibility::{Bvh, Occluders};
 use std::fmt;
@@ -40,23 +40,6 @@ fn greatest_reflectance(scene: &Scene) -> f64 {
         (0..scene.bands).map(|band| scene.material(cell).reflectance.at(&site, band)).fold(0.0, f64::max)
     };
     (0..scene.mesh.cells.len()).map(of).fold(0.0, f64::max)
-}
-
-/// B from the emission's coefficients, and what arrives of it, by GMRES for the light that is reflected.
-fn reflected_exactly(
-    equation: &Equation<'_>,
-    preconditioner: &dyn LinearOperator,
-    mut b: MultiVector,
-    params: &solve::Params,
-    progress: &dyn Progress,
-) -> Result<(MultiVector, MultiVector, Info), SolveError> {
-    let mut arrived = equation.transport.seen.times(&b);
-    let first = equation.transport.of(arrived.clone());
-    let mut step = MultiVector::zeros(b.rows(), b.bands());
-    let info = gmres(equation, preconditioner, &first, &mut step, params, progress)?;
-    b.add_scaled(1.0, &step);
-    arrived.add_scaled(1.0, &equation.transport.seen.times(&step));
-    Ok((b, arrived, info))
 }
 
 /// S, balanced, and why it is of that kind, if it was chosen.
@@ -97,8 +80,9 @@ pub struct System {
     blockers: Arc<Bvh>,
     occluders: Arc<OnceLock<Occluders>>,
     strengths: Vec<f64>,
-    /// b⁰, integrated when it is first asked for: functions and textures take their time.
+    /// b⁰ and M_R, integrated when they are first asked for: functions and textures take their time.
     load: OnceLock<MultiVector>,
+    reflectance: OnceLock<Arc<BlockDiagonal>>,
     join: Join,
     mass: BlockDiagonal,
     mass_inverse: BlockDiagonal,
@@ -163,6 +147,7 @@ impl System {
             occluders: Arc::default(),
             strengths: params.strengths.clone(),
             load: OnceLock::new(),
+            reflectance: OnceLock::new(),
             preconditioner: Arc::from(preconditioner(&join, &mass_inverse)),
             scene,
             space,
@@ -229,6 +214,7 @@ impl System {
         }
         self.strengths = strengths(&self.scene, &self.blockers);
         self.load = OnceLock::new();
+        self.reflectance = OnceLock::new();
         self.operator_time = Duration::ZERO;
         Ok(())
     }
@@ -286,7 +272,7 @@ impl System {
             (None, Some(errors)) => self.of_row_errors(errors, solution),
             (None, None) => MultiVector::zeros(solution.radiosity.rows(), solution.bands()),
         };
-        self.mass_inverse.times(&weighted_mass(&self.scene, &self.space).times(&irradiance))
+        self.mass_inverse.times(&self.weighted_mass().times(&irradiance))
     }
 
     /// The errors of rows, constant on each cell and relative to the mean radiosity.
@@ -428,7 +414,7 @@ impl System {
 
     fn reflection(&self) -> Reflection {
         if !self.collects() {
-            return Reflection::Broken(weighted_mass(&self.scene, &self.space).product(&self.mass_inverse));
+            return Reflection::Broken(self.weighted_mass().product(&self.mass_inverse));
         }
         let mut reflectance = MultiVector::zeros(self.space.dofs(), self.scene.bands);
         for cell in 0..self.space.cells() {
@@ -527,7 +513,7 @@ impl System {
         } else {
             self.exchange.times(&solution.radiosity)
         };
-        let reflected = weighted_mass(&self.scene, &self.space).times(&self.mass_inverse.times(&arrived));
+        let reflected = self.weighted_mass().times(&self.mass_inverse.times(&arrived));
         let total = |x: &MultiVector, band: usize| x.band(band).iter().sum::<f64>();
         let bands = 0..self.scene.bands;
         Energy {
@@ -569,7 +555,7 @@ impl System {
 
     /// Δ⁻¹ M_R e in the broken space: the irradiance of a solution, reflected.
     fn reflected(&self, solution: &Solution) -> MultiVector {
-        self.mass_inverse.times(&weighted_mass(&self.scene, &self.space).times(&solution.irradiance))
+        self.mass_inverse.times(&self.weighted_mass().times(&solution.irradiance))
     }
 
     /// Δ⁻¹(b⁰ + M_R e) in the broken space: a solution of this system reflected once more.
@@ -582,6 +568,11 @@ impl System {
     /// b⁰ against the broken functions.
     fn load(&self) -> &MultiVector {
         self.load.get_or_init(|| load(&self.scene, &self.space))
+    }
+
+    /// M_R of the broken space.
+    fn weighted_mass(&self) -> &BlockDiagonal {
+        self.reflectance.get_or_init(|| Arc::new(weighted_mass(&self.scene, &self.space)))
     }
 
     /// Δ of the broken space.
