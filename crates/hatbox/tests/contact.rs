@@ -213,6 +213,36 @@ fn texture_coordinates_and_normals_are_interpolated() {
     }
 }
 
+/// The feet of a table are small, and the floor around them is large: its triangles were needles from a foot to the far
+/// walls, and streaked the floor with light. Angles had sines down
+/// to 0.02; where no line is near, there are none below 0.26 now.
+#[test]
+fn small_feet_leave_no_needles_on_a_large_floor() {
+    let mut mesh = floor();
+    for [x, y] in [[-0.4, -0.3], [0.5, -0.3], [0.5, 0.4], [-0.4, 0.4]] {
+        let s = 0.03;
+        for (from, to) in
+            [([x, y], [x + s, y]), ([x + s, y], [x + s, y + s]), ([x + s, y + s], [x, y + s]), ([x, y + s], [x, y])]
+        {
+            wall(&mut mesh, from, to, [0.0, 0.7]);
+        }
+    }
+    let (cut, _) = split(&mesh);
+    let is_level = level(&cut);
+    let sine = |cell: usize| {
+        let corners: Vec<DVec3> = cut.patch(cell).corners().to_vec();
+        let at = |k: usize| {
+            let [u, v] = [1, 2].map(|j| (corners[(k + j) % 3] - corners[k]).normalize());
+            u.cross(v).length()
+        };
+        (0..3).map(at).fold(1.0, f64::min)
+    };
+    let cells: Vec<usize> = (0..cut.cells.len()).filter(|&cell| is_level(cell)).collect();
+    let sines: Vec<f64> = cells.iter().map(|&cell| sine(cell)).collect();
+    let (least, sharp) = (sines.iter().copied().fold(1.0, f64::min), sines.iter().filter(|&&sine| sine < 0.26).count());
+    assert!(least > 0.1 && 10 * sharp < cells.len(), "{least}, {sharp} of {} triangles", cells.len());
+}
+
 #[test]
 fn a_hundred_blades_of_grass_stand_on_one_floor() {
     let mut mesh = floor();

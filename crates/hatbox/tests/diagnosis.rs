@@ -56,6 +56,18 @@ fn a_flipped_face_is_told_from_a_room_that_faces_inwards() {
 }
 
 #[test]
+fn a_bow_tie_crosses_itself_and_an_arrow_does_not() {
+    let quad = |corners: [(f64, f64); 4]| {
+        let mut mesh = Mesh::default();
+        face(&mut mesh, &corners.map(|(x, y)| DVec3::new(x, y, 0.0)), 0);
+        findings(&mesh).into_iter().find(|(kind, _)| *kind == FindingKind::SelfCrossing)
+    };
+    assert_eq!(quad([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]), Some((FindingKind::SelfCrossing, 1)));
+    assert_eq!(quad([(0.0, 0.0), (2.0, -1.0), (1.0, 0.0), (2.0, 1.0)]), None, "an arrow");
+    assert_eq!(quad([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]), None);
+}
+
+#[test]
 fn a_missing_wall_opens_four_edges_and_a_t_junction_none() {
     let mut mesh = room(DVec3::ONE, |_| false);
     mesh.cells.pop();

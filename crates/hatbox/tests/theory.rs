@@ -82,7 +82,9 @@ fn what_goes_to_and_fro_is_balanced() {
     let mass = mass(&scene, &space);
     let inverse = mass.inverse().expect("positive definite");
     let closed = Escape { fraction: 0.0, scatter: 0.0 };
-    let balanced = Balanced::new(Box::new(Scaled { exchange, factors }), &scene, &space, &mass, &inverse, &closed);
+    let (panels, blockers) = (OnceLock::new(), Arc::new(Bvh::of_surfaces(&scene.surfaces)));
+    let geometry = Geometry::new(&scene, &space, &blockers, &panels);
+    let balanced = Balanced::new(Box::new(Scaled { exchange, factors }), &geometry, [&mass, &inverse], &closed);
     let closure = balanced.closure;
     assert!(closure.deficit > 0.01 && closure.balanced, "{closure:?}");
     let ones = MultiVector::uniform(cells, &[1.0]);

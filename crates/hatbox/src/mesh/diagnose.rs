@@ -7,6 +7,7 @@ use super::box_tree::{self, Bounds, BoxTree};
 use super::corner::Builder;
 use super::intersect::{Contact, contact};
 use super::{Cell, Mesh, Topology};
+use crate::element::Shape;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -35,6 +36,8 @@ pub enum FindingKind {
     NotFinite,
     /// A face has no area.
     Degenerate,
+    /// Two edges of a quad cross each other: a bow tie.
+    SelfCrossing,
     /// A face is there twice.
     Duplicate,
     /// Two faces with the same corners face opposite ways.
@@ -59,10 +62,11 @@ pub enum FindingKind {
 
 impl FindingKind {
     /// Every kind, in the order of reporting.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::BadIndex,
         Self::NotFinite,
         Self::Degenerate,
+        Self::SelfCrossing,
         Self::Duplicate,
         Self::Flipped,
         Self::InsideOut,
@@ -81,6 +85,7 @@ impl FindingKind {
             Self::BadIndex => "bad-index",
             Self::NotFinite => "not-finite",
             Self::Degenerate => "degenerate",
+            Self::SelfCrossing => "self-crossing",
             Self::Duplicate => "duplicate",
             Self::BackToBack => "back-to-back",
             Self::Flipped => "flipped",
@@ -110,6 +115,7 @@ impl FindingKind {
             Self::BadIndex => "faces refer to vertices that do not exist",
             Self::NotFinite => "faces have a corner that is infinite or not a number",
             Self::Degenerate => "faces have no area",
+            Self::SelfCrossing => "quads cross themselves, like a bow tie",
             Self::Duplicate => "faces are there twice",
             Self::BackToBack => "pairs of faces have the same corners and face opposite ways",
             Self::Flipped => "faces are turned against their neighbours",
@@ -131,6 +137,9 @@ impl FindingKind {
             Self::BadIndex => "export the file again; it is damaged",
             Self::NotFinite => "check the transformations in the modelling program and export again",
             Self::Degenerate => "nothing need be done, they are left out",
+            Self::SelfCrossing => {
+                "exchange two neighbouring corners; as it is, each is two triangles that look opposite ways"
+            }
             Self::Duplicate => "remove one of each; modelling programs call it deleting duplicate faces",
             Self::BackToBack => "fine for a sheet lit from both sides; otherwise remove the one that is never seen",
             Self::Flipped => "flip them so that the lit side is the front, or make their material two-sided",
@@ -211,6 +220,7 @@ fn examine(mesh: &Mesh, two_sided: impl Fn(u32) -> bool, from_inside: bool) -> V
     report.scale(sound.diagonal());
     let (welded, _) = sound.welded(tolerance);
     report.degenerate(&sound, &welded);
+    report.self_crossing(&sound);
     let two_sided: Vec<bool> = mesh.cells.iter().map(|cell| two_sided(cell.material)).collect();
     let welded = report.without_duplicates(&welded, &two_sided);
     report.contacts(&welded, tolerance);
@@ -277,6 +287,18 @@ impl Report<'_> {
         for (index, cell) in sound.cells.iter().enumerate() {
             if kept.next_if_eq(&cell.surface).is_none() {
                 self.add(FindingKind::Degenerate, cell.surface as usize, None, sound.patch(index).center());
+            }
+        }
+    }
+
+    /// Quads of which either diagonal makes two triangles that look opposite ways.
+    fn self_crossing(&mut self, sound: &Mesh) {
+        for (index, cell) in sound.cells.iter().enumerate().filter(|(_, cell)| cell.shape == Shape::Quad) {
+            let p = sound.corners(index).map(|corner| corner.position);
+            let turn = |k: usize| (p[(k + 1) % 4] - p[k]).cross(p[(k + 2) % 4] - p[(k + 1) % 4]);
+            let opposite = |k: usize| turn(k).dot(turn((k + 2) % 4)) < 0.0;
+            if opposite(0) && opposite(1) {
+                self.add(FindingKind::SelfCrossing, cell.surface as usize, None, p.iter().sum::<DVec3>() / 4.0);
             }
         }
     }
@@ -432,7 +454,7 @@ fn orient(
 fn corner_set(cell: &Cell) -> [u32; 4] {
     let mut set = cell.vertices;
     set.sort_unstable();
-    if cell.shape == crate::element::Shape::Triangle {
+    if cell.shape == Shape::Triangle {
         // A triangle repeats a corner; which one must not matter.
         let mut three = [cell.vertices[0], cell.vertices[1], cell.vertices[2]];
         three.sort_unstable();
