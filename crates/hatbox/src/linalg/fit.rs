@@ -2,13 +2,13 @@
 
 use rayon::prelude::*;
 
-/// Rows of a piece of work: a hundred columns of them fit into a cache.
+/// Rows of a piece of work: some columns of them fit into a cache.
 const ROWS: usize = 1 << 12;
 /// What is left of a column beside the columns before it, squared and relative, up to which it counts as their combination:
 /// what is a thousandth of it or less would magnify the errors of columns that are rounded to single precision.
 const DEPENDENT: f64 = 1e-6;
 
-/// Columns a_j, more and more of them, whose combinations are fitted to targets.
+/// Columns a_j, more and more of them, whose combinations are fitted to a target t.
 #[derive(Debug, Default)]
 pub(crate) struct Columns {
     columns: Vec<Vec<f64>>,
@@ -29,18 +29,18 @@ impl Columns {
         }));
     }
 
-    /// The coefficients y of least ‖t − Σ y_j a_j‖ for each target t.
+    /// The coefficients y of least ‖t − Σ y_j a_j‖.
     ///
     /// From the normal equations by a Cholesky factorisation with pivots (Higham 2002, §10.3), which leaves out what depends
     /// on other columns: t is met to a few digits, or as many as the columns have. Sums run in a fixed order.
-    pub(crate) fn fit(&self, targets: &[&[f64]]) -> Vec<Vec<f64>> {
+    pub(crate) fn fit(&self, target: &[f64]) -> Vec<f64> {
         let all: Vec<&[f64]> = self.columns.iter().map(Vec::as_slice).collect();
-        let mut equations = products(&all, targets);
+        let mut equations = products(&all, &[target]);
         for (j, row) in equations.iter_mut().enumerate() {
             let product = |k: usize| self.products[j.max(k)][j.min(k)];
             row.splice(0..0, (0..all.len()).map(product));
         }
-        solve(equations, targets.len())
+        solve(equations)
     }
 
     /// The norm of each column.
@@ -79,8 +79,8 @@ fn products(left: &[&[f64]], right: &[&[f64]]) -> Vec<Vec<f64>> {
     sum.chunks(right.len().max(1)).map(<[f64]>::to_vec).collect()
 }
 
-/// Solves normal equations whose right sides are the last columns.
-fn solve(mut a: Vec<Vec<f64>>, right_sides: usize) -> Vec<Vec<f64>> {
+/// Solves the normal equations, whose right side is the last column.
+fn solve(mut a: Vec<Vec<f64>>) -> Vec<f64> {
     let n = a.len();
     let scales: Vec<f64> = (0..n).map(|j| a[j][j]).collect();
     let mut order: Vec<usize> = Vec::new();
@@ -99,15 +99,12 @@ fn solve(mut a: Vec<Vec<f64>>, right_sides: usize) -> Vec<Vec<f64>> {
             a[row].iter_mut().zip(&pivot_row).for_each(|(entry, pivot)| *entry -= factor * pivot);
         }
     }
-    let backwards = |right_side: usize| {
-        let mut y = vec![0.0; n];
-        for &j in order.iter().rev() {
-            let known: f64 = (0..n).filter(|&k| k != j).map(|k| a[j][k] * y[k]).sum();
-            y[j] = (a[j][n + right_side] - known) / a[j][j];
-        }
-        y
-    };
-    (0..right_sides).map(backwards).collect()
+    let mut y = vec![0.0; n];
+    for &j in order.iter().rev() {
+        let known: f64 = (0..n).filter(|&k| k != j).map(|k| a[j][k] * y[k]).sum();
+        y[j] = (a[j][n] - known) / a[j][j];
+    }
+    y
 }
 
 #[cfg(test)]
@@ -129,7 +126,7 @@ mod tests {
     /// What the best combination leaves.
     fn rest(columns: &Columns, target: &[f64]) -> Vec<f64> {
         let mut rest = target.to_vec();
-        columns.subtract(&columns.fit(&[target])[0], &mut rest);
+        columns.subtract(&columns.fit(target), &mut rest);
         rest
     }
 
@@ -140,18 +137,6 @@ mod tests {
         columns.extend([column(1), vec![0.0; 50_000]]);
         let target = sum(2.0, -3.0);
         assert!(norm(&rest(&columns, &target)) < 1e-6 * norm(&target));
-    }
-
-    #[test]
-    fn several_targets_are_fitted_as_each_alone() {
-        let mut columns = Columns::default();
-        columns.extend([column(0), column(1)]);
-        let targets = [column(2), sum(0.5, 0.25)];
-        let together = columns.fit(&[&targets[0], &targets[1]]);
-        for (y, target) in together.iter().zip(&targets) {
-            assert_eq!(*y, columns.fit(&[target])[0]);
-        }
-        assert!((together[1][0] - 0.5).abs() < 1e-9 && (together[1][1] - 0.25).abs() < 1e-9);
     }
 
     #[test]
@@ -171,12 +156,12 @@ mod tests {
         let mut columns = Columns::default();
         columns.extend([column(0), column(1)]);
         columns.ignore_first(1);
-        let y = columns.fit(&[&sum(2.0, -3.0)]);
-        assert!(y[0][0] == 0.0 && (y[0][1] + 3.0).abs() < 0.1, "{y:?}");
+        let y = columns.fit(&sum(2.0, -3.0));
+        assert!(y[0] == 0.0 && (y[1] + 3.0).abs() < 0.1, "{y:?}");
     }
 
     #[test]
     fn no_columns_have_no_coefficients() {
-        assert_eq!(Columns::default().fit(&[&[1.0, 2.0]]), vec![Vec::<f64>::new()]);
+        assert_eq!(Columns::default().fit(&[1.0, 2.0]), Vec::<f64>::new());
     }
 }

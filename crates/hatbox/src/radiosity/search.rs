@@ -5,11 +5,10 @@
 //! the solution is put together from what arrived of its parts, without a product to check it. (Each product is rounded to single
 //! precision at once, and what is left of the equation is computed from the rounded one.)
 //!
-//! Where the equation is the same for all columns, a scene of one band under many suns, each is sought among the
-//! directions of all (the block method of D. O'Leary 1980). Bands of different reflectances could share theirs, too, since S
-//! is the same for all: on a furnished room and a building that saved one product of ten, and takes three times the
-//! columns. To split each direction into its parts on each material was tried as well: new paint then takes four products
-//! instead of six, of eight times as many columns.
+//! Each band is sought among its own directions. S is the same for all, so that bands could share theirs (the block method of
+//! D. O'Leary 1980): on a furnished room and a building that saved one product of ten, and takes three times the columns; a
+//! hundred suns over a terrain took as many products as before, and longer. To split each direction into its parts on each
+//! material was tried as well: new paint then takes four products instead of six, of eight times as many columns.
 
 use super::operators::Equation;
 use super::products::{Product, Products};
@@ -64,7 +63,7 @@ pub(super) struct Search<'a> {
     /// The functions that are combined; the first were known before.
     products: Vec<Arc<Product>>,
     known: usize,
-    /// What the equation makes of them: of each band, or, where all have the same equation, of all.
+    /// What the equation makes of them, for each band.
     spaces: Vec<Columns>,
     /// The best combination for each band.
     best: Vec<Vec<f64>>,
@@ -75,10 +74,9 @@ pub(super) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// Begins with the combination of what is `known` that is best. `equation` is `shared` by all columns, or each has its own.
+    /// Begins with the combination of what is `known` that is best.
     pub(super) fn new(
         equation: Equation<'a>,
-        shared: bool,
         emission: MultiVector,
         known: &Products,
         room: Room,
@@ -101,7 +99,7 @@ impl<'a> Search<'a> {
             target,
             products: Vec::new(),
             known: 0,
-            spaces: (0..if shared { 1 } else { bands }).map(|_| Columns::default()).collect(),
+            spaces: (0..bands).map(|_| Columns::default()).collect(),
             best: vec![Vec::new(); bands],
             most: (room.search / bytes.max(1)).clamp(FEWEST, restart.max(FEWEST)),
             found: [emission, arrived],
@@ -130,12 +128,7 @@ impl<'a> Search<'a> {
     fn take(&mut self, product: &Arc<Product>) {
         let [x, image] = product.both();
         let made = self.equation.of(&x, image);
-        let mut columns = made.iter_bands().map(<[f64]>::to_vec);
-        if let [all] = &mut self.spaces[..] {
-            all.extend(columns);
-        } else {
-            self.spaces.iter_mut().zip(&mut columns).for_each(|(space, column)| space.extend([column]));
-        }
+        self.spaces.iter_mut().zip(made.iter_bands()).for_each(|(space, column)| space.extend([column.to_vec()]));
         self.products.push(Arc::clone(product));
     }
 
@@ -146,48 +139,36 @@ impl<'a> Search<'a> {
             self.best = self.fitted();
         }
         self.rest.clone_from(&self.target);
-        for (band, y) in self.best.iter().enumerate() {
-            self.spaces[band.min(self.spaces.len() - 1)].subtract(y, self.rest.band_mut(band));
+        for (band, (space, y)) in self.spaces.iter().zip(&self.best).enumerate() {
+            space.subtract(y, self.rest.band_mut(band));
         }
     }
 
     fn fitted(&self) -> Vec<Vec<f64>> {
-        let targets: Vec<&[f64]> = self.target.iter_bands().collect();
-        match &self.spaces[..] {
-            [all] => all.fit(&targets),
-            each => each.iter().zip(targets).flat_map(|(space, target)| space.fit(&[target])).collect(),
-        }
+        self.spaces.iter().zip(self.target.iter_bands()).map(|(space, target)| space.fit(target)).collect()
     }
 
     /// No longer combines what was known before in bands where it takes large multiples that cancel; whether there are any.
     fn forget_what_cancels(&mut self) -> bool {
-        let (goals, known, last) = (self.target.norms(), self.known * self.width(), self.spaces.len() - 1);
-        let mut forgotten = false;
-        for (band, y) in self.best.iter().enumerate() {
-            let space = &mut self.spaces[band.min(last)];
-            let terms: f64 = y.iter().zip(space.norms()).take(known).map(|(y, norm)| y.abs() * norm).sum();
-            if terms > CANCELLED * goals[band] {
-                space.ignore_first(known);
+        let (goals, mut forgotten) = (self.target.norms(), false);
+        for ((space, y), goal) in self.spaces.iter_mut().zip(&self.best).zip(goals) {
+            let terms: f64 = y.iter().zip(space.norms()).take(self.known).map(|(y, norm)| y.abs() * norm).sum();
+            if terms > CANCELLED * goal {
+                space.ignore_first(self.known);
                 forgotten = true;
             }
         }
         forgotten
     }
 
-    /// Columns of a space for each function.
-    fn width(&self) -> usize {
-        self.target.bands() / self.spaces.len()
-    }
-
     /// Adds the best combination to what is found, and begins afresh.
     fn fold(&mut self) {
-        let width = self.width();
         let [x, image] = &mut self.found;
         let (rows, seen) = (x.rows().max(1), image.rows().max(1));
         let bands = x.as_mut_slice().par_chunks_mut(rows).zip(image.as_mut_slice().par_chunks_mut(seen));
         bands.zip(&self.best).enumerate().for_each(|(band, ((x, image), y))| {
-            for (product, y) in self.products.iter().zip(y.chunks(width)) {
-                y.iter().enumerate().for_each(|(k, &y)| product.add(y, if width > 1 { k } else { band }, x, image));
+            for (product, &y) in self.products.iter().zip(y) {
+                product.add(y, band, x, image);
             }
         });
         self.target.clone_from(&self.rest);

@@ -380,7 +380,7 @@ impl System {
             (b, arrived, info, Products::default())
         } else {
             let room = Room { search: self.spare, products: bytes };
-            let mut search = Search::new(equation, self.scene.bands == 1, b, known, room, params.restart);
+            let mut search = Search::new(equation, b, known, room, params.restart);
             let scales = search.first_bounce();
             let info = solve::search(&mut search, &preconditioner, scales, params, progress)?;
             let (b, arrived, products) = search.finish();

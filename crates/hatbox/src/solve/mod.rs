@@ -5,8 +5,7 @@
 //! nothing else. Each has its own Krylov space or recurrence and its own convergence, since a red wall and a blue one
 //! make systems of different spectra; a band that has converged is frozen (its direction is zero) and is not touched
 //! again. A block Krylov method, which searches the joint space of all bands, was dropped: the operator may differ from
-//! band to band (a reflectance per band), and then no joint space exists. Whoever knows that it does not hands
-//! [`search()`] a space that all right-hand sides share.
+//! band to band (a reflectance per band), and then no joint space exists.
 //!
 //! Whatever a recurrence believes, [`gmres()`] and [`cg()`] return only when the *true* residual, computed from the
 //! solution itself, has passed the tolerance; [`search()`] has no recurrence. Sums run in a fixed order: the same input gives the same bits.

@@ -260,9 +260,9 @@ impl Kept {
     fn solution(&self) -> MultiVector {
         let mut x = MultiVector::zeros(ROWS, self.target.bands());
         for (band, images) in self.images.iter().enumerate() {
-            let y = &images.fit(&[self.target.band(band)])[0];
+            let y = images.fit(self.target.band(band));
             for (function, y) in self.functions.iter().zip(y) {
-                add_scaled(x.band_mut(band), *y, function.band(band));
+                add_scaled(x.band_mut(band), y, function.band(band));
             }
         }
         x
@@ -280,8 +280,8 @@ impl SearchSpace for Kept {
         self.rest.clone_from(&self.target);
         for (band, images) in self.images.iter_mut().enumerate() {
             images.extend([image.band(band).to_vec()]);
-            let y = images.fit(&[self.target.band(band)]);
-            images.subtract(&y[0], self.rest.band_mut(band));
+            let y = images.fit(self.target.band(band));
+            images.subtract(&y, self.rest.band_mut(band));
         }
     }
 }
