@@ -251,3 +251,29 @@ fn what_is_covered_sees_nothing_and_the_rest_of_the_room_is_closed() {
         }
     }
 }
+
+/// The unit cube cut in two by a wall without thickness, each side of it a face of its own, and a sheet of two faces in one half:
+/// they look opposite ways in one plane as a box and the floor it stands on do, and yet see all around.
+#[test]
+fn the_sides_of_a_sheet_of_two_faces_are_not_covered() {
+    let at = glam::DVec3::new;
+    let mut mesh = meshes::room(glam::DVec3::ONE, |_| false);
+    for corners in [
+        [at(0.5, 0.0, 0.0), at(0.5, 1.0, 0.0), at(0.5, 1.0, 1.0), at(0.5, 0.0, 1.0)],
+        [at(0.7, 0.3, 0.4), at(0.9, 0.3, 0.4), at(0.9, 0.7, 0.4), at(0.7, 0.7, 0.4)],
+    ] {
+        meshes::face(&mut mesh, &corners, 0);
+        let mut back = corners;
+        back.reverse();
+        meshes::face(&mut mesh, &back, 0);
+    }
+    let glowing = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("all", 0.5) };
+    let scene = Scene::new(mesh, vec![glowing], Physics::Light, None).expect("a valid scene");
+    let dense = hatbox::exchange::kind("dense").expect("a kind");
+    let options = Options { operator: dense, ..options(&ALL[1], 300, 1e-4) };
+    let system = System::build(&scene, &options, &Silent).expect("built");
+    assert!(system.exchange.closure.covered == 0.0, "{:?}", system.exchange.closure);
+    let irradiance = system.solved(&options, &Silent).expect("solved").solution.irradiance;
+    let off = irradiance.as_slice().iter().map(|e| (e - 2.0).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-3, "{off}");
+}
