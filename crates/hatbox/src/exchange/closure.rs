@@ -25,7 +25,7 @@ use crate::quadrature::sequence::{hash, point};
 use crate::scene::Scene;
 use crate::solve::{self, cg};
 use crate::space::FunctionSpace;
-use crate::visibility::{Bvh, Visibility};
+use crate::visibility::{Bvh, Hit, Visibility};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -36,6 +36,8 @@ pub const GREATEST_DEFICIT: f64 = 0.05;
 const ESCAPE_RAYS: u32 = 16;
 /// Rays of all cells together, at the least: if none gets out, less than 3/200 000 of the light does (95 %).
 const ALL_ESCAPE_RAYS: usize = 200_000;
+/// Faces that a ray meets within this part of its length are met together.
+const TOGETHER: f64 = 1e-9;
 /// A cell is large if it is more than this share of all area.
 const LARGE_SHARE: f64 = 0.01;
 /// Rays of lamps that are asked where they arrive, and how many must do so to be believed.
@@ -415,13 +417,31 @@ pub(super) fn measured(
         let set = hash(seed ^ 0x6573_6361, cell as u64);
         let escapes = |&k: &u32| {
             let (origin, direction) = cosine_ray(&patch, point(set, k));
-            let hit = geometry.blockers.closest_hit(origin, direction, f64::INFINITY, |id, _| id != surface);
-            !hit.is_some_and(|hit| receives[hit.id as usize][usize::from(!hit.front)])
+            let lit = |id: u32, front: bool| receives[id as usize][usize::from(!front)];
+            let hit = first_face(geometry.blockers, [origin, direction], surface, lit);
+            !hit.is_some_and(|hit| lit(hit.id, hit.front))
         };
         let escaped = (0..count).filter(escapes).count() as f64;
         if progress.interrupted() { Err(Interrupted) } else { Ok(escaped / f64::from(count)) }
     };
     (0..mesh.cells.len()).into_par_iter().map(lost).collect()
+}
+
+/// The first face that a ray from a point of a surface meets. Where a lit side and an unlit one are met together, as the two
+/// faces of a wall without thickness, it is the lit one: which of them is nearer is a matter of rounding.
+pub(super) fn first_face(
+    blockers: &Bvh,
+    [origin, direction]: [DVec3; 2],
+    surface: u32,
+    lit: impl Fn(u32, bool) -> bool,
+) -> Option<Hit> {
+    let first = blockers.closest_hit(origin, direction, f64::INFINITY, |id, _| id != surface)?;
+    if lit(first.id, first.front) {
+        return Some(first);
+    }
+    let together = |hit: &Hit| lit(hit.id, hit.front) && hit.t <= first.t * (1.0 + TOGETHER);
+    let apart = |id: u32, _| id != surface && id != first.id;
+    Some(blockers.closest_hit(origin, direction, f64::INFINITY, apart).filter(together).unwrap_or(first))
 }
 
 /// Rays of [`escapes`] from each cell, `least` at the least.

@@ -189,6 +189,11 @@ impl Locator {
         &self.cells[self.first[side] as usize..self.first[side + 1] as usize]
     }
 
+    /// Whether a side of a face has cells.
+    pub(super) fn has_cells(&self, surface: u32, front: bool) -> bool {
+        !self.on(2 * surface as usize + usize::from(!front)).is_empty()
+    }
+
     /// The cell at a point of a side of a face, its shape, and the reference coordinates of the point; `None` if that side has no
     /// cells. A point between cells to rounding belongs to the nearest.
     pub(super) fn find(

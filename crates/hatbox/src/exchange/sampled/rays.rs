@@ -9,6 +9,7 @@
 use super::cells::{Cells, Locator};
 use super::spots::spot;
 use crate::element::{Element, MAX_DOFS, Shape};
+use crate::exchange::closure::first_face;
 use crate::exchange::hierarchical::Linked;
 use crate::mesh::Patch;
 use crate::quadrature::sequence::Blocks;
@@ -154,9 +155,8 @@ impl Tracer {
 
     /// What a ray from a point of a face meets.
     pub(super) fn cast(&self, cells: &Cells, origin: DVec3, direction: DVec3, surface: u32) -> Hit {
-        let Some(hit) = self.blockers.closest_hit(origin, direction, f64::INFINITY, |id, _| id != surface) else {
-            return Hit::LOST;
-        };
+        let lit = |id: u32, front: bool| self.locator.has_cells(id, front);
+        let Some(hit) = first_face(&self.blockers, [origin, direction], surface, lit) else { return Hit::LOST };
         let point = origin + direction * hit.t;
         match self.locator.find(cells, hit.id, hit.front, point) {
             Some((cell, shape, at)) => Hit::new(cell, spot(shape, at), self.is_lamp(cell as usize)),
