@@ -227,6 +227,38 @@ mod what_was_learnt {
         assert!(difference(&much.radiosity, &little.radiosity) < 50.0 * TOLERANCE);
     }
 
+    /// A floor of one cell and walls of many small ones: what is left of the equation weighs cells by their areas, and a direction
+    /// along it brings nothing. The search went on along the same one for a thousand products.
+    #[test]
+    fn one_large_cell_among_small_ones_does_not_hold_up_the_search() {
+        let operator = exchange::kind(exchange::Sampled::NAME).expect("a kind");
+        let mut mesh = hatbox::mesh::Mesh::default();
+        let size = glam::DVec3::new(1.0, 1.0, 0.1);
+        for (k, corners) in meshes::CUBE.into_iter().enumerate() {
+            let [a, b, _, d] = corners.map(|p| glam::DVec3::from(p) * size);
+            let n = if k == 0 { 1 } else { 8 };
+            let at = |i: usize, j: usize| a + (b - a) * (i as f64 / n as f64) + (d - a) * (j as f64 / n as f64);
+            for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+                let cell = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+                meshes::face(&mut mesh, &cell, u32::from(k == 0));
+            }
+        }
+        let floor = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("floor", 0.8) };
+        let scene = Scene::new(mesh, vec![Material::diffuse("walls", 0.8), floor], Physics::Light, None);
+        let options = Options {
+            operator,
+            basis: &hatbox::element::ALL[0],
+            refinement: Refinement::None,
+            tolerance: 0.02,
+            ..options()
+        };
+        let system = System::build(&scene.expect("valid"), &options, &Silent).expect("built");
+        let (solution, info) = solved(&system);
+        assert!(info.iterations < 60, "{}", info.iterations);
+        let power = system.energy(&solution);
+        assert!(power.leaving[0] > 0.0 && power.defect() < 1e-3, "{power:?}");
+    }
+
     /// A system says the same whenever it is asked.
     #[test]
     fn does_not_change_what_a_system_says() {

@@ -118,6 +118,29 @@ impl<'a> Search<'a> {
         self.first_bounce.clone()
     }
 
+    /// Solves for what the search has left, where it got nowhere, by GMRES.
+    pub(super) fn finish_by_gmres(
+        &mut self,
+        preconditioner: &dyn LinearOperator,
+        params: &Params,
+        progress: &dyn Progress,
+    ) -> Result<Info, SolveError> {
+        self.fold();
+        // The tolerance is relative to the first bounce, in each band.
+        let share = |(first, rest): (&f64, f64)| if rest > 0.0 { first / rest } else { 1.0 };
+        let shares = self.first_bounce.iter().zip(self.target.norms()).map(share);
+        let params = Params { tolerance: params.tolerance * shares.fold(f64::INFINITY, f64::min), ..*params };
+        let mut step = MultiVector::zeros(self.target.rows(), self.target.bands());
+        let info = gmres(&self.equation, preconditioner, &self.target, &mut step, &params, progress)?;
+        let image = self.equation.transport.seen.times(&step);
+        let [x, arrived] = &mut self.found;
+        x.add_scaled(1.0, &step);
+        arrived.add_scaled(1.0, &image);
+        self.kept.keep(&Arc::new(Product::new(&step, &image)), self.room.products);
+        self.rest.as_mut_slice().fill(0.0);
+        Ok(info)
+    }
+
     /// The solution, what arrives of it, and what was asked for.
     pub(super) fn finish(mut self) -> (MultiVector, MultiVector, Products) {
         self.fold();

@@ -382,7 +382,11 @@ impl System {
             let room = Room { search: self.spare, products: bytes };
             let mut search = Search::new(equation, b, known, room, params.restart);
             let scales = search.first_bounce();
-            let info = solve::search(&mut search, &preconditioner, scales, params, progress)?;
+            let mut info = solve::search(&mut search, &preconditioner, scales, params, progress)?;
+            if info.residual > params.tolerance {
+                let rest = search.finish_by_gmres(&preconditioner, params, progress)?;
+                info = Info { iterations: info.iterations + rest.iterations, residual: params.tolerance, ..info };
+            }
             let (b, arrived, products) = search.finish();
             (b, arrived, info, products)
         };

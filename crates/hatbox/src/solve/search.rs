@@ -2,6 +2,9 @@ use super::{Info, Params, SolveError, Watch, check_finite};
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::progress::Progress;
 
+/// A direction that leaves more than this of the residual is not worth its product.
+const STALLED: f64 = 0.9;
+
 /// Functions that the x of A x = b is sought among, more and more of them.
 ///
 /// Whoever keeps them knows A of each, and may have known some before, from other equations that share a factor.
@@ -13,8 +16,10 @@ pub trait SearchSpace {
 }
 
 /// Extends a space until it holds the solution: the method of generalised conjugate residuals (Eisenstat, Elman and Schultz
-/// 1983), in which each direction is P ≈ A⁻¹ of what is left. It finds what [`gmres()`](super::gmres()) finds in as many
-/// steps, and can begin with any functions. The residual of each band is relative to its number in `scales`.
+/// 1983), in which each direction is P ≈ A⁻¹ of what is left. It can begin with any functions. Where rows weigh very differently
+/// (a large cell among small ones) a direction may bring nothing, and then all later ones would be the same: the search ends
+/// there, with a residual above the tolerance, and what is left is for [`gmres()`](super::gmres()). The residual of each band
+/// is relative to its number in `scales`.
 ///
 /// # Errors
 /// [`SolveError`]; breakdown is numbers that are not finite.
@@ -27,6 +32,7 @@ pub fn search(
 ) -> Result<Info, SolveError> {
     let mut watch = Watch::new(scales, *params, progress);
     check_finite(&watch.scales)?;
+    let mut last = vec![f64::INFINITY; watch.scales.len()];
     loop {
         let norms = space.rest().norms();
         check_finite(&norms)?;
@@ -34,7 +40,13 @@ pub fn search(
         if !open.contains(&true) {
             return Ok(watch.info(&norms));
         }
+        let stalls = |(norm, last): (&f64, &f64)| *norm > STALLED * last;
+        let is_stalled = norms.iter().zip(&last).zip(&open).any(|(pair, &open)| open && stalls(pair));
+        if is_stalled {
+            return Ok(watch.info(&norms));
+        }
         watch.tick(&norms)?;
+        last.clone_from(&norms);
         let mut left = space.rest().clone();
         for band in (0..left.bands()).filter(|&band| !open[band]) {
             left.band_mut(band).fill(0.0);
