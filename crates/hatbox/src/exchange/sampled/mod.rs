@@ -141,7 +141,8 @@ impl Sampled {
     pub fn linked(geometry: &Geometry<'_>, params: &Params, progress: &dyn Progress) -> Result<Self, ExchangeError> {
         let cells = Cells::new(&geometry.scene.mesh, geometry.space);
         let lamps = Lamps::new(geometry, &cells, params);
-        let links = Links::new(geometry, &cells, &|cell| lamps.of(cell).is_none(), params, progress)?;
+        let take = |cell: usize| lamps.of(cell).is_none() && !geometry.covered()[cell];
+        let links = Links::new(geometry, &cells, &take, params, progress)?;
         Self::of(cells, lamps, Some(links), geometry, params, progress)
     }
 
