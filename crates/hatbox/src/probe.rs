@@ -22,8 +22,8 @@ const AGREEMENT: f64 = 0.5;
 
 /// Points farther from the surface than this fraction of the scene's diagonal are [`far`](Probed::far).
 pub const FAR: f64 = 0.01;
-/// A point in front of a cell lies on it if it is no farther than this part of the cell's longest edge.
-const ON: f64 = 0.01;
+/// A point in front of a surface lies on it if it is no farther than this fraction of the scene's diagonal: a centimetre in a room.
+const ON: f64 = 1e-3;
 
 /// Answers where a point lies on the surfaces of a solution.
 pub struct Probe<'a> {
@@ -157,7 +157,7 @@ impl<'a> Probe<'a> {
     /// the most accurate value that a solution has for a point ([`Sources`]). It takes a visit of every surface for every
     /// point. `seed` chooses rays, where any are needed.
     ///
-    /// A point in front of every surface that looks its way, farther than a hundredth of a cell's longest edge, is where it is, as
+    /// A point in front of every surface that looks its way, farther than a thousandth of the scene's diagonal, is where it is, as
     /// on a work plane: E is what arrives there on a small area with that normal, and there is no B. One that is behind a surface
     /// is on it up to [`FAR`].
     ///
@@ -170,9 +170,9 @@ impl<'a> Probe<'a> {
         progress: &dyn Progress,
     ) -> Result<Probed, Interrupted> {
         let (mut places, sources) = (self.places(points), Sources::all(self.solution));
-        let limit = self.limit();
+        let limits = [ON, FAR].map(|share| self.limit(share));
         for (place, (x, _)) in places.iter_mut().zip(points) {
-            *place = place.filter(|place| self.is_on(*place, *x, limit));
+            *place = place.filter(|place| self.is_on(*place, *x, limits));
         }
         progress.begin("gathering", places.len() as u64);
         let light = |(row, place): (usize, &Option<Place>)| {
@@ -208,16 +208,16 @@ impl<'a> Probe<'a> {
     }
 
     /// Whether a point lies on the cell that it belongs to, and not in the air in front of it.
-    fn is_on(&self, place: Place, x: DVec3, limit: f64) -> bool {
+    fn is_on(&self, place: Place, x: DVec3, [before, behind]: [f64; 2]) -> bool {
         let patch = self.solution.scene.mesh.patch(place.cell);
         let is_behind = patch.normal().dot(x - patch.point(place.at)) <= 0.0;
-        place.distance <= if is_behind { limit } else { (ON * patch.longest_edge()).min(limit) }
+        place.distance <= if is_behind { behind } else { before }
     }
 
-    /// The distance from which on points are far.
-    fn limit(&self) -> f64 {
+    /// A share of the scene's diagonal.
+    fn limit(&self, share: f64) -> f64 {
         let (low, high) = self.solution.scene.mesh.bounds();
-        FAR * low.distance(high)
+        share * low.distance(high)
     }
 
     fn places(&self, points: &[(DVec3, DVec3)]) -> Vec<Option<Place>> {
@@ -226,7 +226,7 @@ impl<'a> Probe<'a> {
 
     /// E and B at places, as the functions have them.
     fn at(&self, places: &[Option<Place>]) -> Probed {
-        let limit = self.limit();
+        let limit = self.limit(FAR);
         let field = |shown| {
             MultiVector::from_fn(places.len(), self.solution.bands(), |row, band| {
                 places[row].map_or(f64::NAN, |place| self.solution.evaluate(shown, place.cell, place.at, band))

@@ -393,7 +393,7 @@ fn on_mesh(scene: &Scene, basis: &'static Basis, n: f64, q: f64) -> Solution {
     let options = Options {
         grading: q,
         continuity: Continuity::Broken,
-        tolerance: 1e-3,
+        tolerance: 1e-5,
         error_points: 0,
         ..options(basis, 1.001 * longest / n)
     };
@@ -416,12 +416,13 @@ fn difference(solution: &Solution, truth: &Solution) -> f64 {
     here.iter().zip(exact.band(0)).map(|((found, area), exact)| area * (found - exact).powi(2)).sum::<f64>().sqrt()
 }
 
-/// From four to eight parts of an edge quadratic elements reach 2.6 only: the room is too coarse to tell.
+/// From four to eight parts of an edge quadratic elements reach less: that is too coarse to tell. The truth is of another mesh than
+/// all that it is compared with, and gathered once more.
 #[test]
-#[ignore = "minutes: cargo test --release -p hatbox --test adapt -- --ignored --nocapture edges_of_a_room"]
+#[ignore = "twenty minutes: cargo test --release -p hatbox --test adapt -- --ignored --nocapture edges_of_a_room"]
 fn graded_meshes_have_the_order_that_the_edges_of_a_room_take() {
     let scene = glowing_ceiling();
-    let truth = on_mesh(&scene, &ALL[3], 16.0, 3.0);
+    let truth = on_mesh(&scene, &ALL[3], 16.0, 2.5);
     for (basis, q) in [(&ALL[1], 2.0), (&ALL[3], 3.0)] {
         let order = |q: f64| {
             let errors = [8.0, 16.0].map(|n| difference(&on_mesh(&scene, basis, n, q), &truth));

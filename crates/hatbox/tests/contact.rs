@@ -214,8 +214,7 @@ fn texture_coordinates_and_normals_are_interpolated() {
 }
 
 /// The feet of a table are small, and the floor around them is large: its triangles were needles from a foot to the far
-/// walls, and streaked the floor with light. Angles had sines down
-/// to 0.02; where no line is near, there are none below 0.26 now.
+/// walls, and streaked the floor with light. Next to lines some angles are sharp, but few.
 #[test]
 fn small_feet_leave_no_needles_on_a_large_floor() {
     let mut mesh = floor();

@@ -10,6 +10,7 @@ use hatbox::radiosity::{Error, Options, Solved, System, solve};
 use hatbox::report::Report;
 use hatbox::scene::{Material, Physics, Quantity, Scene};
 use hatbox::space::Continuity;
+use hatbox::view_factors::{self, ViewFactors};
 
 /// The unit cube, seen from inside, every wall of reflectance ρ, the ceiling (z = 1) for itself.
 fn cube(rho: f64, exitance: [f64; 2]) -> Scene {
@@ -212,7 +213,7 @@ fn a_bright_cube_with_a_small_hole_loses_what_the_hole_lets_out() {
 
 /// A box that stands on the floor of a room, in its corner: what it covers of the floor and of two walls is inside it,
 /// and nothing but its own bottom and back, in the same planes, is between the one and the other.
-fn box_in_a_corner() -> Scene {
+fn box_in_a_corner(moved: impl Fn(glam::DVec3) -> glam::DVec3) -> Scene {
     let mut mesh = meshes::room(glam::DVec3::ONE, |_| false);
     let (from, to) = (glam::DVec3::new(0.7, 0.6, 0.0), glam::DVec3::new(1.0, 1.0, 0.5));
     for corners in meshes::CUBE {
@@ -220,6 +221,7 @@ fn box_in_a_corner() -> Scene {
         face.reverse();
         meshes::face(&mut mesh, &face, 0);
     }
+    mesh.vertices.iter_mut().for_each(|vertex| *vertex = moved(*vertex));
     let glowing = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("all", 0.5) };
     Scene::new(mesh, vec![glowing], Physics::Light, None).expect("a valid scene")
 }
@@ -228,7 +230,7 @@ fn box_in_a_corner() -> Scene {
 /// the light of all was raised or lowered by some percent, at any tolerance.
 #[test]
 fn what_is_covered_sees_nothing_and_the_rest_of_the_room_is_closed() {
-    let scene = box_in_a_corner();
+    let scene = box_in_a_corner(|p| p);
     for kind in hatbox::exchange::ALL {
         for basis in &ALL {
             let options = Options { operator: kind, error_points: 64, ..options(basis, 300, 0.02) };
@@ -249,6 +251,58 @@ fn what_is_covered_sees_nothing_and_the_rest_of_the_room_is_closed() {
             let error = solved.error.expect("asked for").relative;
             assert!(error < 1e-4, "{name}: the estimate is {error}");
         }
+    }
+}
+
+/// Six times as large, turned, and with corners rounded to single precision, as files have them: what touches does so to the
+/// tolerance of the scene, however small the cells.
+#[test]
+fn what_is_covered_is_found_in_a_turned_and_rounded_scene_with_small_cells() {
+    let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.7);
+    let scene = box_in_a_corner(|p| (turn * (6.0 * p)).as_vec3().as_dvec3());
+    for elements in [100, 20_000] {
+        let options =
+            Options { operator: hatbox::exchange::kind("sampled").expect("a kind"), ..options(&ALL[0], elements, 0.1) };
+        let system = System::build(&scene, &options, &Silent).expect("built");
+        let (closure, share) = (system.exchange.closure, 2.0 * (0.12 + 0.15 + 0.2) / (6.0 + 2.0 * 0.47));
+        assert!(closure.escape < 1e-5 && (closure.covered - share).abs() < 1e-6, "{elements}: {closure:?} {share}");
+    }
+}
+
+/// What a lamp lights inside the box is nothing, and so is what links would join there.
+#[test]
+fn neither_lamps_nor_links_reach_what_is_covered() {
+    let mut mesh = box_in_a_corner(|p| p).mesh.as_ref().clone();
+    for cell in 0..mesh.cells.len() {
+        // Of the wall that the box stands against, the part behind it, which is a face of its own.
+        let patch = mesh.patch(cell);
+        let is_behind =
+            patch.normal().x < -0.5 && patch.corners().iter().all(|p| p.x > 0.999 && p.y > 0.599 && p.z < 0.501);
+        mesh.cells[cell].material = u32::from(is_behind);
+    }
+    let lamp = Material { exitance: Quantity::gray(100.0), ..Material::diffuse("lamp", 0.5) };
+    let scene = Scene::new(mesh, vec![Material::diffuse("all", 0.5), lamp], Physics::Light, None).expect("valid");
+    for kind in hatbox::exchange::ALL {
+        let options = Options { operator: kind, ..options(&ALL[1], 3000, 0.02) };
+        let solved = solve(&scene, &options, &Silent).expect("solved");
+        let brightest = solved.solution.irradiance.as_slice().iter().copied().fold(0.0, f64::max);
+        assert!(solved.closure.covered > 0.1 && brightest < 1e-9, "{}: {brightest}", kind.name);
+    }
+}
+
+/// Rows of what is covered are empty, all others sum to 1, and nothing escapes.
+#[test]
+fn a_room_is_closed_for_view_factors_though_a_box_stands_in_its_corner() {
+    let refinement = Refinement::Elements(200);
+    let options = view_factors::Options { refinement, tolerance: 1e-3, ..view_factors::Options::default() };
+    let found = ViewFactors::new(&box_in_a_corner(|p| p), &options, &Silent).expect("few elements");
+    let (check, covered) = (found.check(), |escape: f64| escape > 0.5);
+    assert!(found.is_closed() && found.escape == 0.0 && check.max_row_sum_error < 1e-3, "{check:?}");
+    let area: f64 = found.surfaces.iter().filter(|s| covered(s.escape)).map(|s| s.area).sum();
+    assert!((area - 2.0 * (0.12 + 0.15 + 0.2)).abs() < 1e-6, "{area}");
+    for (surface, row) in found.surfaces.iter().zip(&check.rows) {
+        let exact = if covered(surface.escape) { 0.0 } else { 1.0 };
+        assert!((row.sum - exact).abs() < 1e-3 && row.closure_error.abs() < 1e-3, "{surface:?} {row:?}");
     }
 }
 

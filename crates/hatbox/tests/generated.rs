@@ -2,6 +2,8 @@
 
 #[path = "../examples/generate/kinds/mod.rs"]
 mod kinds;
+#[expect(dead_code, reason = "not every test needs every mesh")]
+mod meshes;
 
 use hatbox::check::Lighting;
 use hatbox::exchange::{self, Problem};
@@ -10,7 +12,7 @@ use hatbox::linalg::{LinearOperator, MultiVector};
 use hatbox::mesh::Refinement;
 use hatbox::progress::Silent;
 use hatbox::radiosity::{Options, System, solve};
-use hatbox::scene::Scene;
+use hatbox::scene::{Material, Physics, Scene};
 use hatbox::visibility::Bvh;
 
 fn scene(kind: &kinds::Kind, elements: usize) -> (Scene, bool) {
@@ -65,11 +67,13 @@ fn every_kind_is_solved_by_rays() {
 }
 
 /// Among many small things all pairs take minutes, more so if they shine, in an empty room seconds, and none where memory is
-/// short.
+/// short. Faces of a ball do not see each other, but all their pairs are a large table.
 #[test]
 fn rays_are_chosen_where_much_is_partly_hidden() {
     let clutter = scene(kinds::ALL.iter().find(|kind| kind.name == "clutter").expect("a kind"), 500).0;
     let cube = read_scene(std::path::Path::new("../../scenes/cube.toml")).expect("a sample").0;
+    let (ball, gray) = (meshes::icosphere(5), vec![Material::diffuse("gray", 0.5)]);
+    let ball = Scene::new(ball, gray, Physics::Light, None).expect("a valid scene");
     let chosen = |scene: &Scene, elements: usize, memory: usize, strength: f64| {
         let scene = scene.refined(Refinement::Elements(elements), Options::default().basis).expect("refined");
         let blockers = Bvh::of_surfaces(&scene.surfaces);
@@ -85,6 +89,7 @@ fn rays_are_chosen_where_much_is_partly_hidden() {
         (&cube, 4000, 8 << 30, 9.0, exchange::Dense::NAME, "0 % of them partly hidden"),
         (&cube, 4000, 1 << 20, 1.0, exchange::Sampled::NAME, "MB allowed"),
         (&cube, 60_000, 400 << 30, 1.0, exchange::Sampled::NAME, "CPU seconds, rays"),
+        (&ball, 1, 400 << 30, 1.0, exchange::Sampled::NAME, "0 % of them partly hidden, would take"),
     ] {
         let (kind, why) = chosen(scene, elements, memory, strength);
         assert_eq!(kind.name, expected, "{elements} {memory}: {why}");

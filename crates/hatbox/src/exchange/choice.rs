@@ -24,8 +24,8 @@ const PARTIAL: f64 = 100e-6;
 /// city.
 const PARTIAL_LIT: f64 = 800e-6;
 const RAY: f64 = 1e-6;
-/// CPU seconds of a byte of the table of all pairs: to fill it, and to read it in some twenty products. A room with a sphere of
-/// 9800 faces, which do not see each other, is a table of 13 GB, and takes a minute.
+/// CPU seconds of a byte of the table of all pairs: to fill it, and to read it in some twenty products. A guess from one scene, a
+/// room with a sphere of very many faces, of which none sees another.
 const BYTE: f64 = 5e-9;
 /// All pairs, which leave no noise, are worth so many CPU seconds.
 const PATIENCE: f64 = 25.0;

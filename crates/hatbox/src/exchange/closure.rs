@@ -121,7 +121,7 @@ impl Balanced {
         }
         let sums = exchange.times(&ones);
         let total = |x: &MultiVector| x.band(0).iter().sum::<f64>();
-        let lost = 1.0 - total(&sums) / total(&target);
+        let lost = 1.0 - total(&sums) / total(&target).max(f64::MIN_POSITIVE);
         let deficit = cell_deficit(space, &target, &sums);
         let closure = Closure { escape: escape.fraction, covered, lost, deficit, balanced: false, factor: 1.0 };
         let mut balanced = Self { exchange, scaling: None, factor: None, closure };
@@ -381,8 +381,8 @@ fn by_weight(weights: &[f64]) -> Vec<usize> {
 }
 
 /// For each cell the fraction of cosine rays that hit nothing, or a side of a face that receives nothing; all of those of a
-/// cell that is covered. At least
-/// `rays` are cast from each; if that is none, and the topology of the scene says that it is closed, there are none.
+/// cell that is covered. At least `rays` are cast from each; if that is none, and the topology of the scene says that it is closed,
+/// there are none.
 ///
 /// # Errors
 /// [`Interrupted`].

@@ -7,95 +7,126 @@
 //!
 //! Two faces that look opposite ways in one plane need not be two bodies that touch: they may be the two sides of a sheet, or of
 //! a wall between two rooms. Where bodies touch, one side of the plane is the inside of one of them, where rays meet nothing
-//! but unlit sides of faces.
+//! but unlit sides of faces. So a cell is covered if that is so in front of it, or if it is so behind it and rays from
+//! its front meet nothing that is lit: the bottom of a box, which looks out of the room.
+//!
+//! What touches is told to the tolerance with which the scene was welded, whatever the size of the cells.
 
 use super::closure::{cosine_ray, receiving_sides};
-use crate::assemble::FLAT;
 use crate::mesh::Patch;
 use crate::mesh::polygon::area_vector;
 use crate::quadrature::sequence::{hash, point};
 use crate::scene::{Scene, Surface};
-use crate::visibility::Bvh;
+use crate::visibility::{Bvh, Hit};
 use glam::DVec3;
 use rayon::prelude::*;
 
 /// Corners are asked for this far from the centre: right on the outline of what covers a cell, rounding decides.
 const INSIDE: f64 = 0.98;
-/// Normals of what covers a cell are opposite to its own to this cosine.
-const OPPOSITE: f64 = -1.0 + 1e-9;
+/// Normals of what covers a cell are opposite to its own to about this cosine: small cells have less accurate ones.
+const OPPOSITE: f64 = -0.999;
 /// Rays that tell the inside of a body.
 const RAYS: u32 = 16;
 
 /// For each cell whether it lies between two bodies that touch.
 pub(super) fn covered(scene: &Scene, blockers: &Bvh) -> Vec<bool> {
+    let (receives, flat) = (receiving_sides(scene), scene.mesh.tolerance());
+    let contact = |patch, surface| Contact { patch, surface, blockers, receives: &receives, flat };
     // Few faces touch any other, and those without contacts need not be looked at cell by cell.
     let touched = |(id, surface): (usize, &Surface)| {
-        let (corners, normal) = (surface.corners(), area_vector(surface.corners()).normalize_or_zero());
-        [normal, -normal].iter().any(|&normal| !lying_on(corners, normal, id as u32, blockers).is_empty())
+        let normal = area_vector(surface.corners()).normalize_or_zero();
+        [normal, -normal].iter().any(|&n| !contact(surface.patch(n), id as u32).covers().is_empty())
     };
     let touched: Vec<bool> = scene.surfaces.par_iter().enumerate().map(touched).collect();
-    let receives = receiving_sides(scene);
     let of = |cell: usize| {
-        let (patch, surface) = (scene.mesh.patch(cell), scene.mesh.cells[cell].surface);
-        touched[surface as usize] && Contact { patch: &patch, surface, blockers, receives: &receives }.covers(cell)
+        let surface = scene.mesh.cells[cell].surface;
+        touched[surface as usize] && contact(scene.mesh.patch(cell), surface).is_covered(cell)
     };
     (0..scene.mesh.cells.len()).into_par_iter().map(of).collect()
 }
 
 /// A cell on which others may lie.
 struct Contact<'a> {
-    patch: &'a Patch,
+    patch: Patch,
     surface: u32,
     blockers: &'a Bvh,
     /// Whether front and back of each face receive light.
     receives: &'a [[bool; 2]],
+    /// A length that is none.
+    flat: f64,
+}
+
+/// What a ray meets first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Met {
+    Nothing,
+    Lit,
+    Unlit,
 }
 
 impl Contact<'_> {
-    fn covers(&self, cell: usize) -> bool {
-        let (corners, normal, center) = (self.patch.corners(), self.patch.normal(), self.patch.center());
-        let covers = lying_on(corners, normal, self.surface, self.blockers);
-        let is_under = |p: DVec3| covers.iter().any(|(_, triangle)| is_within(p, triangle, -normal));
-        is_under(center)
-            && corners.iter().all(|&corner| is_under(center.lerp(corner, INSIDE)))
-            && [1.0, -1.0].iter().any(|&side| self.is_within_a_body(cell, side, &covers))
-    }
-
-    /// Whether rays to the front (1) or to the back (−1) of the cell all meet sides of faces that receive no light, those in its
-    /// own plane apart: it is the inside of something.
-    fn is_within_a_body(&self, cell: usize, side: f64, covers: &[(u32, [DVec3; 3])]) -> bool {
-        let apart = |id: u32| id != self.surface && covers.iter().all(|(cover, _)| *cover != id);
-        let first = |from: DVec3, towards: DVec3, lit: bool| {
-            let counts = |id: u32, front: bool| apart(id) && self.receives[id as usize][usize::from(!front)] == lit;
-            self.blockers.closest_hit(from, towards, f64::INFINITY, counts).map(|hit| hit.t)
-        };
-        let flat = FLAT * self.patch.longest_edge();
-        (0..RAYS).all(|k| {
-            let (from, direction) = cosine_ray(self.patch, point(hash(0x636f_7665, cell as u64), k));
-            let dark = first(from, side * direction, false);
-            // Where bodies touch each other, the inside of the one and the outside of the other are met together.
-            dark.is_some_and(|dark| first(from, side * direction, true).is_none_or(|lit| dark <= lit + flat))
-        })
-    }
-}
-
-/// The triangles of other faces that lie in the plane of a polygon, near it, and look the other way, and their faces.
-fn lying_on(corners: &[DVec3], normal: DVec3, surface: u32, blockers: &Bvh) -> Vec<(u32, [DVec3; 3])> {
-    let lo = corners.iter().copied().fold(DVec3::INFINITY, DVec3::min);
-    let hi = corners.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
-    let flat = FLAT * lo.distance(hi);
-    let mut found = Vec::new();
-    blockers.overlapping(lo - flat, hi + flat, |index| {
-        let Some((triangle, id)) = blockers.triangle(index) else { return };
-        let level = || triangle.iter().all(|corner| normal.dot(corner - corners[0]).abs() <= flat);
-        if id != surface && area_vector(&triangle).normalize_or_zero().dot(normal) < OPPOSITE && level() {
-            found.push((id, triangle));
+    fn is_covered(&self, cell: usize) -> bool {
+        let (covers, center) = (self.covers(), self.patch.center());
+        let is_under = |p: DVec3| covers.iter().any(|(_, triangle)| self.touches(p, triangle));
+        if !is_under(center) || !self.patch.corners().iter().all(|&corner| is_under(center.lerp(corner, INSIDE))) {
+            return false;
         }
-    });
-    found
-}
+        let [before, behind] = [1.0, -1.0].map(|side| self.look(cell, side, &covers));
+        let all_unlit = |met: &[Met]| met.iter().all(|&met| met == Met::Unlit);
+        all_unlit(&before) || (all_unlit(&behind) && !before.contains(&Met::Lit))
+    }
 
-/// Whether a point of the plane of a triangle with this normal lies in it.
-fn is_within(p: DVec3, triangle: &[DVec3; 3], normal: DVec3) -> bool {
-    (0..3).all(|k| normal.dot((triangle[(k + 1) % 3] - triangle[k]).cross(p - triangle[k])) >= 0.0)
+    /// What rays to the front (1) or to the back (−1) of the cell meet, faces in its own plane apart. Where two bodies
+    /// touch, the inside of the one and the outside of the other are met together: that is the inside.
+    fn look(&self, cell: usize, side: f64, covers: &[(u32, [DVec3; 3])]) -> Vec<Met> {
+        let apart = |id: u32| id != self.surface && covers.iter().all(|(cover, _)| *cover != id);
+        let met = |k: u32| {
+            let (from, towards) = cosine_ray(&self.patch, point(hash(0x636f_7665, cell as u64), k));
+            let [lit, unlit] = [true, false].map(|lit| {
+                let counts = |id: u32, front: bool| apart(id) && self.receives[id as usize][usize::from(!front)] == lit;
+                self.blockers.closest_hit(from, side * towards, f64::INFINITY, counts)
+            });
+            match (lit, unlit) {
+                (None, None) => Met::Nothing,
+                (Some(_), None) => Met::Lit,
+                (Some(lit), Some(unlit)) if (unlit.t - lit.t) * self.steepness(&unlit, towards) > self.flat => Met::Lit,
+                (_, Some(_)) => Met::Unlit,
+            }
+        };
+        (0..RAYS).map(met).collect()
+    }
+
+    /// The cosine at which a direction meets a triangle: two planes that are no length apart are met far apart at a grazing one.
+    fn steepness(&self, hit: &Hit, towards: DVec3) -> f64 {
+        let normal =
+            self.blockers.triangle(hit.triangle).map(|(triangle, _)| area_vector(&triangle).normalize_or_zero());
+        normal.map_or(1.0, |normal| normal.dot(towards).abs())
+    }
+
+    /// The triangles of other faces near the cell, in its plane, that look the other way, and their faces.
+    fn covers(&self) -> Vec<(u32, [DVec3; 3])> {
+        let (corners, normal, center) = (self.patch.corners(), self.patch.normal(), self.patch.center());
+        let lo = corners.iter().copied().fold(DVec3::INFINITY, DVec3::min) - self.flat;
+        let hi = corners.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) + self.flat;
+        let mut found = Vec::new();
+        self.blockers.overlapping(lo, hi, |index| {
+            let Some((triangle, id)) = self.blockers.triangle(index) else { return };
+            let other = area_vector(&triangle).normalize_or_zero();
+            let is_level = other.dot(center - triangle[0]).abs() <= self.flat;
+            if id != self.surface && other.dot(normal) < OPPOSITE && is_level {
+                found.push((id, triangle));
+            }
+        });
+        found
+    }
+
+    /// Whether a point lies on a triangle.
+    fn touches(&self, p: DVec3, triangle: &[DVec3; 3]) -> bool {
+        let normal = area_vector(triangle).normalize_or_zero();
+        let is_inside = |k: usize| {
+            let (from, to) = (triangle[k], triangle[(k + 1) % 3]);
+            normal.dot((to - from).cross(p - from)) >= -self.flat * from.distance(to)
+        };
+        normal.dot(p - triangle[0]).abs() <= self.flat && (0..3).all(is_inside)
+    }
 }

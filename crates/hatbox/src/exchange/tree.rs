@@ -72,18 +72,19 @@ impl Cluster {
         };
         behind(self.plane, other.hull.corners())
             || behind(other.plane, self.hull.corners())
-            || self.turns_its_back_on(bounds(&other.hull), flat)
-            || other.turns_its_back_on(bounds(&self.hull), flat)
+            || self.turns_its_back_on(bounds(&other.hull))
+            || other.turns_its_back_on(bounds(&self.hull))
     }
 
-    /// Whether n·(y − x) ≤ `flat` for all normals n and points x of the panels and all points y of a box: with s the sine of the
-    /// cone around the axis a, n·d ≤ a·d + s |d|, which is convex, and greatest at a corner of the box around all d = y − x.
-    pub(super) fn turns_its_back_on(&self, [other_lo, other_hi]: [DVec3; 2], flat: f64) -> bool {
+    /// Whether n·(y − x) ≤ 0 for all normals n and points x of the panels and all points y of a box. With s the sine of the cone
+    /// around the axis a, a·d + s |d| ≤ 0 says that d = y − x is at least a right angle away from all of the cone. The left side is
+    /// convex, and so greatest at a corner of the box around all d.
+    pub(super) fn turns_its_back_on(&self, [other_lo, other_hi]: [DVec3; 2]) -> bool {
         let Some(Cone { axis, sine }) = self.normals else { return false };
         let [lo, hi] = bounds(&self.hull);
         let ends = [other_lo - hi, other_hi - lo];
         let corner = |k: usize| DVec3::new(ends[k & 1].x, ends[k >> 1 & 1].y, ends[k >> 2].z);
-        (0..8).map(corner).all(|d| axis.dot(d) + sine * d.length() <= flat)
+        (0..8).map(corner).all(|d| axis.dot(d) + sine * d.length() <= 0.0)
     }
 }
 

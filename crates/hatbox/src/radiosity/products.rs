@@ -14,7 +14,7 @@
 //! It is for sampled operators, with which products are all of the time. They are kept in single precision, which is far
 //! better than the samples; a dense operator is solved with to the last digits, and fast anyway.
 
-use crate::linalg::MultiVector;
+use crate::linalg::{LinearOperator, MultiVector};
 use std::sync::Arc;
 
 /// Functions that are kept, at the most.
@@ -24,8 +24,6 @@ const MOST: usize = 32;
 /// do: a small bright lamp is more than a large dim one, and may light the scene less.
 const SAME: f64 = 1e-6;
 const ROUNDING: f64 = 1e-10;
-/// Solvers that go farther than this begin afresh: kept numbers have seven digits.
-const FARTHEST: f64 = 1e-5;
 
 /// A function of the joined space in each band, and what arrives of it ([`Arriving`](super::operators::Arriving)).
 #[derive(Debug)]
@@ -39,6 +37,13 @@ impl Product {
     pub(super) fn new(x: &MultiVector, image: &MultiVector) -> Self {
         let single = |v: &MultiVector| v.as_slice().iter().map(|&x| x as f32).collect();
         Self { bands: x.bands(), x: single(x), image: single(image) }
+    }
+
+    /// What `seen` makes of a function that is rounded first.
+    pub(super) fn of(x: &MultiVector, seen: &dyn LinearOperator) -> Self {
+        let mut rounded = x.clone();
+        rounded.as_mut_slice().iter_mut().for_each(|x| *x = f64::from(*x as f32));
+        Self::new(&rounded, &seen.times(&rounded))
     }
 
     fn bytes(&self) -> usize {
@@ -100,11 +105,6 @@ impl Products {
         self
     }
 
-    /// What a solver with a tolerance may begin with.
-    pub(super) fn good_for(&self, tolerance: f64) -> Self {
-        if tolerance < FARTHEST { Self::default() } else { self.clone() }
-    }
-
     /// What arrives of x, if every band of x is a multiple of that of one function that is known.
     pub(super) fn image_of(&self, x: &MultiVector) -> Option<MultiVector> {
         self.of_bands(x.bands()).find_map(|product| product.multiple(x))
@@ -152,6 +152,5 @@ mod tests {
         let each = some(1).0[0].bytes();
         assert_eq!(some(2).with(&some(9), 5 * each).0.len(), 5);
         assert_eq!(some(30).with(&some(9), 500 * each).0.len(), MOST);
-        assert_eq!(some(2).good_for(1e-7).0.len(), 0);
     }
 }

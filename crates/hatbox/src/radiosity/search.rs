@@ -2,13 +2,14 @@
 //!
 //! Products with a sampled S are all of the time, so none is wasted: what other lights and paints have asked for is where
 //! the search begins *and goes on*, what a new direction brings is all that it does not have yet, and what arrives of
-//! the solution is put together from what arrived of its parts, without a product to check it. (Each product is rounded to single
-//! precision at once, and what is left of the equation is computed from the rounded one.)
+//! the solution is put together from what arrived of its parts, without a product to check it. Products are kept in single
+//! precision: directions are rounded before they are asked about, so that residuals are off by the rounding of images alone,
+//! and who wants more digits than that ([`FARTHEST`]) does not search.
 //!
 //! Each band is sought among its own directions. S is the same for all, so that bands could share theirs (the block method of
-//! D. O'Leary 1980): on a furnished room and a building that saved one product of ten, and takes three times the columns; a
-//! hundred suns over a terrain took as many products as before, and longer. To split each direction into its parts on each
-//! material was tried as well: new paint then takes four products instead of six, of eight times as many columns.
+//! D. O'Leary 1980): that hardly saved a product where three bands shared, none where the suns over a terrain did, and takes as
+//! many times the columns. To split each direction into its parts on each material was tried as well: fewer products, of
+//! many more columns.
 
 use super::operators::Equation;
 use super::products::{Product, Products};
@@ -20,6 +21,8 @@ use std::sync::Arc;
 
 /// A combination whose terms are together so many times what they sum up to has too few digits left.
 const CANCELLED: f64 = 100.0;
+/// Who goes farther than this does not search: kept numbers have seven digits.
+pub(super) const FARTHEST: f64 = 1e-5;
 /// Directions at the least before the search begins afresh.
 const FEWEST: usize = 8;
 
@@ -118,18 +121,19 @@ impl<'a> Search<'a> {
         self.first_bounce.clone()
     }
 
-    /// Solves for what the search has left, where it got nowhere, by GMRES.
+    /// Solves for what the search has left, where it got nowhere after what is `done`, by GMRES.
     pub(super) fn finish_by_gmres(
         &mut self,
+        done: &Info,
         preconditioner: &dyn LinearOperator,
         params: &Params,
         progress: &dyn Progress,
     ) -> Result<Info, SolveError> {
         self.fold();
         // The tolerance is relative to the first bounce, in each band.
-        let share = |(first, rest): (&f64, f64)| if rest > 0.0 { first / rest } else { 1.0 };
-        let shares = self.first_bounce.iter().zip(self.target.norms()).map(share);
-        let params = Params { tolerance: params.tolerance * shares.fold(f64::INFINITY, f64::min), ..*params };
+        let of_band = |(first, rest): (&f64, f64)| if rest > 0.0 { first / rest } else { 1.0 };
+        let share = self.first_bounce.iter().zip(self.target.norms()).map(of_band).fold(f64::INFINITY, f64::min);
+        let params = Params { tolerance: params.tolerance * share, ..*params };
         let mut step = MultiVector::zeros(self.target.rows(), self.target.bands());
         let info = gmres(&self.equation, preconditioner, &self.target, &mut step, &params, progress)?;
         let image = self.equation.transport.seen.times(&step);
@@ -138,7 +142,8 @@ impl<'a> Search<'a> {
         arrived.add_scaled(1.0, &image);
         self.kept.keep(&Arc::new(Product::new(&step, &image)), self.room.products);
         self.rest.as_mut_slice().fill(0.0);
-        Ok(info)
+        let converged = info.converged.iter().map(|n| done.iterations + n).collect();
+        Ok(Info { iterations: done.iterations + info.iterations, residual: info.residual / share, converged })
     }
 
     /// The solution, what arrives of it, and what was asked for.
@@ -211,8 +216,7 @@ impl SearchSpace for Search<'_> {
         if self.products.len() >= self.most {
             self.fold();
         }
-        let image = self.equation.transport.seen.times(directions);
-        let product = Arc::new(Product::new(directions, &image));
+        let product = Arc::new(Product::of(directions, self.equation.transport.seen));
         self.kept.keep(&product, self.room.products);
         self.take(&product);
         self.fit();

@@ -29,7 +29,8 @@ pub struct Options {
     pub tolerance: f64,
     /// The kind of exchange operator.
     pub operator: &'static exchange::Kind,
-    /// The solver; `None` chooses conjugate gradients where R is constant on every element and GMRES elsewhere.
+    /// The solver; `None` chooses conjugate gradients where R is constant on every element and GMRES elsewhere, as
+    /// [`System::best_solver`] has it.
     pub solver: Option<solve::Kind>,
     /// Seed of all sampling.
     pub seed: u64,

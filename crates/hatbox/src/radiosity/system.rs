@@ -2,7 +2,7 @@ use super::lossless::lossless;
 use super::operators::{Arriving, Equation, InverseMass, Join, Mass, Reflection, Symmetric, Transport, preconditioner};
 use super::products::Products;
 use super::residual::greater;
-use super::search::{Room, Search, reflected_exactly};
+use super::search::{FARTHEST, Room, Search, reflected_exactly};
 use super::strengths::strengths;
 use super::{Energy, Error, Gather, MaterialsError, Solution};
 use crate::assemble::{Accuracy, Block, Panel, load, mass, weighted_mass};
@@ -288,15 +288,18 @@ impl System {
         irradiance
     }
 
-    /// Conjugate gradients where S is symmetric and R constant on every element, GMRES elsewhere.
+    /// Conjugate gradients where S is symmetric and R constant on every element; elsewhere a solver for what is not symmetric,
+    /// which is called GMRES.
     pub fn best_solver(&self) -> solve::Kind {
         if self.root_reflectance().is_some() { solve::Kind::Cg } else { solve::Kind::Gmres }
     }
 
     /// Solves Δ b = b⁰ + F̂ b for the scene's emission.
     ///
-    /// Conjugate gradients need a symmetric S and R constant on every element; else GMRES takes their place. Both solve for
-    /// the light that is reflected, and their residuals are relative to its first bounce; Neumann's are relative to b⁰.
+    /// Conjugate gradients need a symmetric S and R constant on every element; else GMRES takes their place. Where S is not
+    /// symmetric and the tolerance is no less than 1e-5, the steps of GMRES are taken among all products that are known of S
+    /// ([`solve::search`]), and by [`solve::gmres`] itself if that gets nowhere. All of them solve for the light that is reflected,
+    /// and their residuals are relative to its first bounce; Neumann's are relative to b⁰.
     ///
     /// # Errors
     /// [`Error::Solve`].
@@ -309,9 +312,8 @@ impl System {
         if self.exchange.is_symmetric() || kind == solve::Kind::Neumann {
             return Ok(self.solve_for(self.load(), kind, params, progress)?);
         }
-        let known = self.known.good_for(params.tolerance);
         let (solution, info, products) =
-            self.solve_reflected(self.load(), &known, self.most_products(), params, progress)?;
+            self.solve_reflected(self.load(), &self.known, self.most_products(), params, progress)?;
         self.found.get_or_init(|| products);
         Ok((solution, info))
     }
@@ -373,19 +375,17 @@ impl System {
         let transport = Transport { join: &self.join, seen: &seen, reflection: &reflection };
         let equation = Equation { mass: self.joined_mass(), transport };
         let b = self.inverse_mass().times(&self.join.collect(load.clone()));
-        // It is a matrix as far as the solver can tell, which checks its result.
         let preconditioner = InverseMass { tolerance: 1e-2 * params.tolerance, ..self.inverse_mass() };
-        let (b, arrived, info, products) = if self.exchange.is_symmetric() {
+        let (b, arrived, info, products) = if self.exchange.is_symmetric() || params.tolerance < FARTHEST {
             let (b, arrived, info) = reflected_exactly(&equation, &preconditioner, b, params, progress)?;
             (b, arrived, info, Products::default())
         } else {
-            let room = Room { search: self.spare, products: bytes };
+            let room = Room { search: self.spare.saturating_sub(bytes), products: bytes };
             let mut search = Search::new(equation, b, known, room, params.restart);
             let scales = search.first_bounce();
             let mut info = solve::search(&mut search, &preconditioner, scales, params, progress)?;
             if info.residual > params.tolerance {
-                let rest = search.finish_by_gmres(&preconditioner, params, progress)?;
-                info = Info { iterations: info.iterations + rest.iterations, residual: params.tolerance, ..info };
+                info = search.finish_by_gmres(&info, &preconditioner, params, progress)?;
             }
             let (b, arrived, products) = search.finish();
             (b, arrived, info, products)

@@ -60,8 +60,8 @@ pub struct Check {
     pub least_row_sum: f64,
     /// The greatest sum of a row.
     pub greatest_row_sum: f64,
-    /// In a closed scene the greatest `|1 − Σ_j F_ij|`; in an open one, where sums below one are right, the greatest excess
-    /// over one.
+    /// In a closed scene the greatest `|1 − Σ_j F_ij|`, but for what is covered and sees nothing; in an open one, where sums
+    /// below one are right, the greatest excess over one.
     pub max_row_sum_error: f64,
     /// The greatest `|A_i F_ij − A_j F_ji|`, relative to the greater of both.
     pub max_reciprocity_error: f64,
@@ -87,8 +87,8 @@ impl ViewFactors {
         };
         let closed = self.is_closed();
         let sums = Distribution::of(rows.iter().map(|row| row.sum));
-        let error = |row: &RowCheck| match row.sum - 1.0 {
-            // Comparisons with what is not a number are false.
+        // In a closed scene all that escapes does so under what covers it. Comparisons with what is not a number are false.
+        let error = |row: &RowCheck| match if closed { row.closure_error } else { row.sum - 1.0 } {
             shortfall if shortfall < 0.0 => {
                 if closed {
                     -shortfall

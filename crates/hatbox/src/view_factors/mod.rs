@@ -166,7 +166,7 @@ pub struct ViewFactors {
     pub surfaces: Vec<Surface>,
     /// Number of elements they consist of.
     pub elements: usize,
-    /// Fraction of rays that leave the scene or end on a back, by area; 0 in a closed scene.
+    /// Fraction of rays that leave the scene or end on a back, by area, from elements that nothing covers; 0 in a closed scene.
     pub escape: f64,
     /// What the exchange areas cost and how far they may be wrong.
     pub statistics: Statistics,
@@ -336,10 +336,10 @@ impl ViewFactors {
 /// What escapes from each element. A closure that aims at it needs it more accurately: three standard deviations of the rays
 /// are not to exceed the tolerance, if [`MAX_ESCAPE_RAYS`] do for that.
 fn escapes(geometry: &Geometry<'_>, options: &Options, progress: &dyn Progress) -> Result<Escapes, Interrupted> {
-    let cells = geometry.panels().len();
+    let (cells, covered) = (geometry.panels().len(), geometry.covered());
     let mut rays = 0;
     let mut fractions = exchange::escapes(geometry, rays, options.seed, progress)?;
-    if fractions.iter().all(|&escape| escape == 0.0) {
+    if fractions.iter().zip(covered).all(|(&escape, &covered)| covered || escape == 0.0) {
         return Ok(Escapes { errors: vec![0.0; cells], fractions });
     }
     if options.closure != ClosureMethodKind::None {
@@ -350,14 +350,17 @@ fn escapes(geometry: &Geometry<'_>, options: &Options, progress: &dyn Progress) 
     }
     let count = f64::from(exchange::rays_per_cell(cells, rays));
     // A ray more or less is always possible.
-    let error = |&escape: &f64| exchange::scatter(escape, count).max(1.0 / count);
-    Ok(Escapes { errors: fractions.iter().map(error).collect(), fractions })
+    let error = |(&escape, &covered): (&f64, &bool)| {
+        if covered { 0.0 } else { exchange::scatter(escape, count).max(1.0 / count) }
+    };
+    Ok(Escapes { errors: fractions.iter().zip(covered).map(error).collect(), fractions })
 }
 
-/// The mean over the area.
+/// The mean over the area that nothing covers.
 fn mean(panels: &[Panel], fractions: &[f64]) -> f64 {
-    let area: f64 = panels.iter().map(Panel::area).sum();
-    let sum: f64 = panels.iter().zip(fractions).map(|(panel, fraction)| panel.area() * fraction).sum();
+    let seeing = || panels.iter().zip(fractions).filter(|(panel, _)| !panel.covered);
+    let area: f64 = seeing().map(|(panel, _)| panel.area()).sum();
+    let sum: f64 = seeing().map(|(panel, fraction)| panel.area() * fraction).sum();
     if area > 0.0 { sum / area } else { 0.0 }
 }
 

@@ -81,7 +81,7 @@ impl<W: Fn(usize) -> bool, F: FnMut(usize, PointRow)> Look<'_, W, F> {
     fn is_turned_away(&self, cluster: &Cluster) -> bool {
         let &Viewpoint { at, normal, .. } = self.from;
         cluster.plane.is_some_and(|(origin, n)| n.dot(at - origin) <= 0.0)
-            || cluster.turns_its_back_on([at; 2], 0.0)
+            || cluster.turns_its_back_on([at; 2])
             || cluster.hull.corners().iter().all(|&corner| normal.dot(corner - at) <= 0.0)
     }
 }

@@ -20,7 +20,7 @@
 //! **S is not symmetric**, only nearly. Averaging the rays' matrix T with its transpose was considered: Tᵀ counts how
 //! many rays hit a cell, so that it brings back the noise of a count (12 % at 64 rays on cells of equal size, more on
 //! small ones) into constants, which T has exact; a balancing of the row sums would then have to undo what need not have
-//! happened. So the solver is GMRES.
+//! happened. So the equation is solved for as one that is not symmetric.
 //!
 //! Rays are stored cell by cell while they fit into the memory that is allowed, and those of the other cells are cast
 //! again whenever the operator is applied.
@@ -302,7 +302,11 @@ impl Sampled {
             if keep {
                 kept.push(&hits);
             }
-            let (found, cast) = self.lamps.at_cell(&self.cells, cell, &table.receivers, budget, &self.tracer);
+            let (found, cast) = if self.tracer.is_covered(cell) {
+                (Vec::new(), 0)
+            } else {
+                self.lamps.at_cell(&self.cells, cell, &table.receivers, budget, &self.tracer)
+            };
             received.push(&found);
             rays += u64::from(self.rays) + cast;
         }
