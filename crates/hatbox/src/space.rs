@@ -69,6 +69,7 @@ pub struct FunctionSpace {
     basis: &'static Basis,
     elements: Arc<[&'static Element]>,
     offsets: Arc<[usize]>,
+    joined: Continuity,
     continuity: Option<Arc<Csr>>,
 }
 
@@ -89,7 +90,7 @@ impl FunctionSpace {
     /// # Errors
     /// [`NoElement`] if a cell's shape has no element in this basis.
     pub fn new(scene: &Scene, basis: &'static Basis, continuity: Continuity) -> Result<Self, NoElement> {
-        let mut space = Self::broken(&scene.mesh, basis)?;
+        let mut space = Self { joined: continuity, ..Self::broken(&scene.mesh, basis)? };
         if let Continuity::Continuous { crease_angle } = continuity
             && basis.can_be_continuous()
         {
@@ -134,7 +135,7 @@ impl FunctionSpace {
         for element in &elements {
             offsets.push(offsets[offsets.len() - 1] + element.dofs());
         }
-        Ok(Self { basis, elements: elements.into(), offsets: offsets.into(), continuity: None })
+        Ok(Self { basis, elements: elements.into(), offsets: offsets.into(), joined: Continuity::Broken, continuity: None })
     }
 
     /// The basis.
@@ -198,6 +199,11 @@ impl FunctionSpace {
             }
         }
         sums
+    }
+
+    /// How functions were asked to be joined.
+    pub(crate) fn joined(&self) -> Continuity {
+        self.joined
     }
 
     /// C, broken coefficients from joined ones; `None` if nothing is joined.

@@ -14,7 +14,7 @@ pub use block_diagonal::{BlockDiagonal, DiagonalBlock};
 pub use csr::Csr;
 pub(crate) use fit::Columns;
 pub use multivector::MultiVector;
-pub(crate) use multivector::dot;
+pub(crate) use multivector::{dot, each};
 
 /// A linear map applied to all columns of a [`MultiVector`] in one pass.
 ///
@@ -64,9 +64,9 @@ impl LinearOperator for Diagonal {
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
         for band in 0..x.bands() {
-            for ((y, x), d) in y.band_mut(band).iter_mut().zip(x.band(band)).zip(&self.0) {
-                *y = d * x;
-            }
+            let y = y.band_mut(band);
+            y.copy_from_slice(x.band(band));
+            each(y, &self.0, |y, d| *y *= d);
         }
     }
 }

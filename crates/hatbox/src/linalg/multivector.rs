@@ -79,8 +79,7 @@ impl MultiVector {
     /// `self += factor · other`.
     pub fn add_scaled(&mut self, factor: f64, other: &Self) {
         debug_assert_eq!((self.rows, self.bands), (other.rows, other.bands));
-        let parts = self.data.par_chunks_mut(LEAST_NUMBERS).zip(other.data.par_chunks(LEAST_NUMBERS));
-        parts.for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, b)| *a += factor * b));
+        each(&mut self.data, &other.data, |a, b| *a += factor * b);
     }
 
     /// `Σ_i self_i other_i` for each band.
@@ -92,6 +91,12 @@ impl MultiVector {
     pub fn norms(&self) -> Vec<f64> {
         self.dot(self).into_iter().map(f64::sqrt).collect()
     }
+}
+
+/// Changes every number of `a` by the one of `b` in its place.
+pub(crate) fn each(a: &mut [f64], b: &[f64], change: impl Fn(&mut f64, f64) + Sync) {
+    let parts = a.par_chunks_mut(LEAST_NUMBERS).zip(b.par_chunks(LEAST_NUMBERS));
+    parts.for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, &b)| change(a, b)));
 }
 
 /// `Σ a_i b_i` in a fixed order (eight interleaved partial sums), so that the same input gives the same bits.

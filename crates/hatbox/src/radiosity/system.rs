@@ -22,8 +22,8 @@ use std::time::{Duration, Instant};
 const SOLVER_TOLERANCE: f64 = 1e-11;
 /// With an operator that is sampled, products are most of the time, and what it errs by is far more: the solver goes to this
 /// share of the operator's error, but no farther than the first of these numbers, and at least as far as the second.
-const SAMPLED_SOLVER_SHARE: f64 = 1e-2;
-const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-4];
+const SAMPLED_SOLVER_SHARE: f64 = 5e-2;
+const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-3];
 /// The mass matrix of joined functions is inverted to these relative residuals: beside an exact operator, and beside a sampled
 /// one, whose noise is a million times that.
 const MASS_TOLERANCES: [f64; 2] = [1e-13, 1e-10];
@@ -79,7 +79,7 @@ pub struct System {
     panorama: Arc<OnceLock<Panorama>>,
     blockers: Arc<Bvh>,
     occluders: Arc<OnceLock<Occluders>>,
-    strengths: Vec<f64>,
+    strengths: OnceLock<Vec<f64>>,
     /// b⁰ and M_R, integrated when they are first asked for: functions and textures take their time.
     load: OnceLock<MultiVector>,
     reflectance: OnceLock<Arc<BlockDiagonal>>,
@@ -145,7 +145,7 @@ impl System {
             operator_time: started.elapsed(),
             operator_reason,
             occluders: Arc::default(),
-            strengths: params.strengths.clone(),
+            strengths: OnceLock::from(params.strengths.clone()),
             load: OnceLock::new(),
             reflectance: OnceLock::new(),
             preconditioner: Arc::from(preconditioner(&join, &mass_inverse)),
@@ -199,7 +199,7 @@ impl System {
         if materials.len() != self.scene.materials.len() || !materials.iter().zip(&self.scene.materials).all(same) {
             return Err(MaterialsError::Geometry);
         }
-        let collects = self.collects();
+        let (collects, alike) = (self.collects(), self.scene.alike());
         self.scene.set_materials(materials)?;
         if let Some(found) = self.found.take() {
             self.known = found.with(&self.known, self.most_products());
@@ -208,11 +208,13 @@ impl System {
             self.known = Products::default();
         }
         // The cells have elements: only the joints may differ.
-        match FunctionSpace::new(&self.scene, self.space.basis(), continuity) {
-            Ok(space) if space.continuity() != self.space.continuity() => self.rejoin(space),
-            _ => {}
+        if (alike, self.space.joined()) != (self.scene.alike(), continuity)
+            && let Ok(space) = FunctionSpace::new(&self.scene, self.space.basis(), continuity)
+            && space.continuity() != self.space.continuity()
+        {
+            self.rejoin(space);
         }
-        self.strengths = strengths(&self.scene, &self.blockers);
+        self.strengths = OnceLock::new();
         self.load = OnceLock::new();
         self.reflectance = OnceLock::new();
         self.operator_time = Duration::ZERO;
@@ -383,7 +385,8 @@ impl System {
             let room = Room { search: self.spare.saturating_sub(bytes), products: bytes };
             let mut search = Search::new(equation, b, known, room, params.restart);
             let scales = search.first_bounce();
-            let mut info = solve::search(&mut search, &preconditioner, scales, params, progress)?;
+            let rough = InverseMass { tolerance: 1e-2, ..self.inverse_mass() };
+            let mut info = solve::search(&mut search, &rough, scales, params, progress)?;
             if info.residual > params.tolerance {
                 info = search.finish_by_gmres(&info, &preconditioner, params, progress)?;
             }
@@ -532,7 +535,8 @@ impl System {
     pub fn gather<'a>(&'a self, solution: &'a Solution) -> Gather<'a> {
         let panels = self.panels();
         let panorama = self.panorama.get_or_init(|| Panorama::new(panels));
-        Gather { panels, panorama, cells: None, views: self.views(), strengths: &self.strengths, solution }
+        let strengths = self.strengths.get_or_init(|| strengths(&self.scene, &self.blockers));
+        Gather { panels, panorama, cells: None, views: self.views(), strengths, solution }
     }
 
     /// What surfaces reflect, again and again, if they emit a function of the broken space: (I − RK)⁻¹RK of it, to three

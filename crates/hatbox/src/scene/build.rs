@@ -242,6 +242,12 @@ impl Scene {
         self.on(self.mesh.triangulated())
     }
 
+    /// For each material the first that is the same.
+    pub(crate) fn alike(&self) -> Vec<u32> {
+        let count = self.materials.len() as u32;
+        (0..count).map(|a| (0..a).find(|&b| self.same_material(a, b)).unwrap_or(a)).collect()
+    }
+
     /// Whether two materials reflect and emit the same everywhere.
     pub fn same_material(&self, a: u32, b: u32) -> bool {
         let equal = |p: &Quantity, q: &Quantity| {

@@ -1,5 +1,5 @@
 use super::{Info, Params, SolveError, Watch, add_scaled, check_finite, clear_dark_bands, residual};
-use crate::linalg::{LinearOperator, MultiVector, dot};
+use crate::linalg::{LinearOperator, MultiVector, dot, each};
 use crate::progress::Progress;
 
 /// Solves A x = b by preconditioned conjugate gradients (Hestenes and Stiefel 1952), for A and P symmetric positive
@@ -55,9 +55,10 @@ fn descend(
         let rz = r.dot(&z);
         for band in 0..r.bands() {
             let beta = if open[band] { rz[band] / rz_before[band] } else { 0.0 };
-            let z = z.band(band);
-            for (p, z) in p.band_mut(band).iter_mut().zip(z) {
-                *p = if open[band] { z + beta * *p } else { 0.0 };
+            if open[band] {
+                each(p.band_mut(band), z.band(band), |p, z| *p = z + beta * *p);
+            } else {
+                p.band_mut(band).fill(0.0);
             }
         }
         a.apply(&p, &mut image);

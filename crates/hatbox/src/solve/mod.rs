@@ -22,7 +22,7 @@ pub use gmres::gmres;
 pub use neumann::neumann;
 pub use search::{SearchSpace, search};
 
-use crate::linalg::{LinearOperator, MultiVector};
+use crate::linalg::{LinearOperator, MultiVector, each};
 use crate::progress::{Interrupted, Progress};
 
 /// When to stop.
@@ -197,9 +197,7 @@ fn check_finite(norms: &[f64]) -> Result<(), SolveError> {
 
 /// `y += factor · x`.
 fn add_scaled(y: &mut [f64], factor: f64, x: &[f64]) {
-    for (y, x) in y.iter_mut().zip(x) {
-        *y += factor * x;
-    }
+    each(y, x, |y, x| *y += factor * x);
 }
 
 #[cfg(test)]

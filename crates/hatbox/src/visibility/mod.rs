@@ -71,7 +71,7 @@ pub use bvh::{Bvh, Hit, InstructionSet};
 pub use exact::GUARD;
 pub use nearest::Nearest;
 pub use occluders::Occluders;
-pub(crate) use pages::Pages;
+pub(crate) use pages::{Pages, prefetch};
 pub use shaft::{Body, Shaft, ShaftResult};
 
 use exact::{Ray, Triangle};

@@ -156,9 +156,15 @@ impl Lamps {
         self.all.len()
     }
 
-    /// The means over each lamp of a function, for every band, if `value` has its coefficients by number and band.
-    pub(super) fn means(&self, cells: &Cells, bands: usize, value: impl Fn(usize, usize) -> f64) -> Vec<f64> {
-        let mut means = Vec::with_capacity(self.all.len() * bands);
+    /// The means over each lamp of a function, for every band and zeros for the other lanes, if `value` has its coefficients by
+    /// number and band.
+    pub(super) fn means(
+        &self,
+        cells: &Cells,
+        [bands, lanes]: [usize; 2],
+        value: impl Fn(usize, usize) -> f64,
+    ) -> Vec<f64> {
+        let mut means = Vec::with_capacity(self.all.len() * lanes);
         for lamp in &self.all {
             for band in 0..bands {
                 let share = |(cell, weights): &(u32, [f64; MAX_DOFS])| -> f64 {
@@ -166,6 +172,7 @@ impl Lamps {
                 };
                 means.push(lamp.cells.iter().map(share).sum());
             }
+            means.resize(means.len() + lanes - bands, 0.0);
         }
         means
     }

@@ -32,6 +32,7 @@ mod lamp_tree;
 mod lamps;
 mod product;
 mod rays;
+mod source;
 mod spots;
 
 use super::hierarchical::{Linked, Links};
@@ -419,7 +420,7 @@ impl Exchange for Sampled {
         }
         let (patch, surface) = (self.cells.patch(cell), self.cells.surface(cell));
         let (origin, frame) = (patch.point(at), Frame::new(&patch));
-        let means = self.lamps.means(&self.cells, x.bands(), |dof, band| x.band(band)[dof]);
+        let means = self.lamps.means(&self.cells, [x.bands(); 2], |dof, band| x.band(band)[dof]);
         let mut sum = vec![0.0; x.bands()];
         // What rays bring that meet no lamp, the number of them, and the rest that the others bring.
         let (mut free, mut count, mut rest) = (sum.clone(), 0_u32, sum.clone());

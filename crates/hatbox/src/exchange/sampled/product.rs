@@ -13,32 +13,19 @@
 
 #![expect(clippy::inline_always, reason = "loops must be compiled where their lengths are known")]
 
-use super::cells::Cells;
 use super::fit::{Matrix, Take, add_outer, factor, mean_mass, solve};
 use super::kept::{Ended, Hits, Lit, Run, set_bits};
 use super::rays::Hit;
-use super::spots::Spots;
+use super::source::{Coefficients, Number, Source, lanes_for};
 use super::{CHUNK, Sampled, Table};
 use crate::element::MAX_DOFS;
 use crate::linalg::{Csr, LinearOperator, MultiVector};
 use crate::mesh::Patch;
-use crate::visibility::Pages;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Rows whose bands are set side by side at a time: few enough for the nearest cache.
-const TURNED: usize = 128;
 /// Chunks whose results wait to be put where they belong, band by band.
 const AT_ONCE: usize = 256;
-
-/// What is applied to: coefficients with the bands of each side by side. (Single precision was tried and dropped: it took as
-/// long, and solvers asked for more than seven digits did not reach them.)
-struct Source {
-    bands: usize,
-    values: Pages<f64>,
-    /// For each lamp, its mean in every band.
-    means: Vec<f64>,
-}
 
 /// Memory for one row at a time.
 struct Work {
@@ -80,6 +67,28 @@ impl Rays<'_> {
     fn share(&self) -> f64 {
         1.0 / self.taken.len() as f64
     }
+
+    /// Adds N(x_r) v_r of the rays of a word, which all have a hit that counts: the first ray's number, their bits, and hits.
+    #[inline(always)]
+    fn add_known<const N: usize, const B: usize, T: Number>(
+        &self,
+        source: Source<'_, T>,
+        (first, bits, hits): (usize, u64, Run<'_>),
+        sums: &mut [[f64; B]; N],
+    ) {
+        let (mut local, share, spots) = (*sums, self.share(), &self.table.spots);
+        for (bit, hit) in set_bits(bits).zip(hits.iter()) {
+            let (functions, weight) = (&self.table.points.functions[first + bit], self.weight(share, first + bit));
+            let value = source.known_value::<N, B>(hit, spots);
+            for k in 0..N {
+                let weighted = weight * functions[k];
+                for b in 0..B {
+                    local[k][b] += weighted * value[b];
+                }
+            }
+        }
+        *sums = local;
+    }
 }
 
 /// What the rays of a cell have in common.
@@ -92,13 +101,13 @@ struct Found {
 }
 
 /// Works out the rows of a cell: the cell, its place in its chunk, what is applied to, which rays count.
-type Row = fn(&Sampled, usize, usize, &Source, Take, &mut Work);
+type Row<T> = fn(&Sampled, usize, usize, Source<'_, T>, Take, &mut Work);
 
 impl Sampled {
     /// y = S x, by the rays that `take` takes.
     pub(super) fn apply_with(&self, x: &MultiVector, y: &mut MultiVector, take: Take) {
-        let source = self.source(x.bands(), |dof, band| x.band(band)[dof]);
-        self.rows_of(&source, take, y, |column, rows, result| column[rows].copy_from_slice(result));
+        let value = |dof: usize, band: usize| x.band(band)[dof];
+        self.rows_of(value, take, y, |column, rows, result| column[rows].copy_from_slice(result));
         if let Some(linked) = self.through_links(x) {
             y.add_scaled(1.0, &linked);
         }
@@ -106,12 +115,12 @@ impl Sampled {
 
     /// y = Cᵀ S C x but for links, with none of the vectors of broken coefficients that are written and read once otherwise.
     pub(super) fn apply_joined_by_rays(&self, c: &Csr, x: &MultiVector, y: &mut MultiVector) {
-        let source = self.source(x.bands(), |dof, band| {
+        let value = |dof: usize, band: usize| {
             let column = x.band(band);
             c.row(dof).map(|(unknown, share)| share * column[unknown]).sum()
-        });
+        };
         y.as_mut_slice().fill(0.0);
-        self.rows_of(&source, Take::All, y, |column, rows, result| {
+        self.rows_of(value, Take::All, y, |column, rows, result| {
             for (dof, value) in rows.zip(result) {
                 c.row(dof).for_each(|(unknown, share)| column[unknown] += share * value);
             }
@@ -120,40 +129,33 @@ impl Sampled {
 
     /// The part of S x that comes from the means of lamps.
     pub(super) fn lamps_alone(&self, x: &MultiVector) -> MultiVector {
-        let means = self.lamps.means(&self.cells, x.bands(), |dof, band| x.band(band)[dof]);
+        let lanes = lanes_for(x.bands());
+        let means = self.lamps.means(&self.cells, [x.bands(), lanes], |dof, band| x.band(band)[dof]);
         let mut y = MultiVector::zeros(self.rows(), x.bands());
         let row = |cell: usize, index: usize, work: &mut Work| {
             work.fit.fill(0.0);
             self.combine::<0, 0>(cell, self.lamps_of(cell, index), &means, false, work);
-            self.integrate::<0, 0>(cell, x.bands(), work);
+            self.integrate::<0, 0>(cell, lanes, work);
         };
         self.by_rows(row, &mut y, |column, rows, result| column[rows].copy_from_slice(result));
         y
     }
 
-    /// What is applied to, if `value` has its coefficients by number and band.
-    fn source(&self, bands: usize, value: impl Fn(usize, usize) -> f64 + Sync) -> Source {
-        let mut values: Pages<f64> = Pages::zeroed(self.cells.unknowns() * bands);
-        values.par_chunks_mut(bands.max(1) * TURNED).enumerate().for_each(|(part, values)| {
-            for band in 0..bands {
-                let places = values[band..].iter_mut().step_by(bands).enumerate();
-                places.for_each(|(k, place)| *place = value(part * TURNED + k, band));
-            }
-        });
-        let means = self.lamps.means(&self.cells, bands, |dof, band| values[dof * bands + band]);
-        Source { bands, values, means }
-    }
-
-    /// Puts the rows of S as the rays have them, applied to `source`.
+    /// Puts the rows of S as the rays have them, applied to what has these coefficients by number and band.
     fn rows_of(
         &self,
-        source: &Source,
+        value: impl Fn(usize, usize) -> f64 + Sync,
         take: Take,
         y: &mut MultiVector,
         put: impl Fn(&mut [f64], Range<usize>, &[f64]) + Sync,
     ) {
-        let row = self.row_for(source.bands);
-        self.by_rows(|cell, index, work| row(self, cell, index, source, take, work), y, put);
+        if let Some(coefficients) = Coefficients::<f32>::exact(&self.cells, &self.lamps, y.bands(), &value) {
+            let (source, row) = (coefficients.source(), self.row_for(lanes_for(y.bands())));
+            self.by_rows(|cell, index, work| row(self, cell, index, source, take, work), y, put);
+        } else if let Some(coefficients) = Coefficients::<f64>::exact(&self.cells, &self.lamps, y.bands(), &value) {
+            let (source, row) = (coefficients.source(), self.row_for(lanes_for(y.bands())));
+            self.by_rows(|cell, index, work| row(self, cell, index, source, take, work), y, put);
+        }
     }
 
     /// Calls `row` for every cell with its place in its chunk, and has the results put into each band of y, in order.
@@ -172,10 +174,10 @@ impl Sampled {
             let rows = rows_of(chunk);
             // The bands one after the other, as they are wanted.
             let mut out = vec![0.0; rows.len() * bands];
-            let mut work = Work::new(self.rays, bands);
+            let mut work = Work::new(self.rays, lanes_for(bands));
             for (index, cell) in self.chunk(chunk).enumerate() {
                 row(cell, index, &mut work);
-                for (of_row, result) in self.cells.range(cell).zip(work.result.chunks_exact(bands)) {
+                for (of_row, result) in self.cells.range(cell).zip(work.result.chunks_exact(lanes_for(bands))) {
                     let places = out[of_row - rows.start..].iter_mut().step_by(rows.len());
                     places.zip(result).for_each(|(place, &value)| *place = value);
                 }
@@ -195,49 +197,20 @@ impl Sampled {
         }
     }
 
-    /// [`row`](Self::row) with loops of known length, where there are.
-    fn row_for(&self, bands: usize) -> Row {
-        let [table] = &self.tables[..] else { return Self::row::<0, 0> };
-        match (table.element.dofs(), bands) {
-            (1, 1) => Self::row::<1, 1>,
-            (1, 3) => Self::row::<1, 3>,
-            (1, _) => Self::row::<1, 0>,
-            (3, 1) => Self::row::<3, 1>,
-            (3, 3) => Self::row::<3, 3>,
-            (3, _) => Self::row::<3, 0>,
-            (4, 3) => Self::row::<4, 3>,
-            (6, 3) => Self::row::<6, 3>,
-            _ => Self::row::<0, 0>,
+    /// [`row`] with loops of known length, where there are.
+    fn row_for<T: Number>(&self, lanes: usize) -> Row<T> {
+        let [table] = &self.tables[..] else { return row::<0, 0, T> };
+        match (table.element.dofs(), lanes) {
+            (1, 1) => row::<1, 1, T>,
+            (1, 4) => row::<1, 4, T>,
+            (1, _) => row::<1, 0, T>,
+            (3, 1) => row::<3, 1, T>,
+            (3, 4) => row::<3, 4, T>,
+            (3, _) => row::<3, 0, T>,
+            (4, 4) => row::<4, 4, T>,
+            (6, 4) => row::<6, 4, T>,
+            _ => row::<0, 0, T>,
         }
-    }
-
-    /// The rows of one cell: `work.result` = Δ e. If N is not 0, all cells have one element of N functions; if B is not 0,
-    /// there are B bands.
-    fn row<const N: usize, const B: usize>(
-        &self,
-        cell: usize,
-        index: usize,
-        source: &Source,
-        take: Take,
-        work: &mut Work,
-    ) {
-        let table = if N > 0 { &self.tables[0] } else { self.table(cell) };
-        let mut cast = std::mem::take(&mut work.cast_hits);
-        let taken = take.of(self.rays as usize);
-        let ended = match self.stored.get(cell / CHUNK) {
-            Some(stored) => stored.of(index),
-            None => self.cast_again(cell, taken.end, &mut work.cast, &mut cast),
-        };
-        let stretch = self.cells.stretched(cell).map(|patch| table.stretch(&patch));
-        let (free, among_lamps) = met(ended, taken.clone());
-        let rays = Rays { table, ended, taken, free, among_lamps, stretch };
-        let found = self.read::<N, B>(&rays, source, work);
-        table.fit::<N, B>(&rays, take, &found, source.bands, work);
-        work.cast_hits = cast;
-        let of_lamps = (!among_lamps).then(|| self.direct[cell / CHUNK].values_of(index, take));
-        let lamps = of_lamps.as_ref().map_or(Lit::NOT, |values| self.lamps_of(cell, index).with(values));
-        self.combine::<N, B>(cell, lamps, &source.means, found.lamp, work);
-        self.integrate::<N, B>(cell, source.bands, work);
     }
 
     /// Where the first `count` rays of a cell end.
@@ -251,16 +224,25 @@ impl Sampled {
 
     /// Adds N(x_r) v_r of the rays that count to `work.fit`, and of those from lamps, less the lamps' means, to `work.rest`.
     #[inline(always)]
-    fn read<const N: usize, const B: usize>(&self, rays: &Rays<'_>, source: &Source, work: &mut Work) -> Found {
-        let [n, bands] = known::<N, B>(rays.table.element.dofs(), source.bands);
+    fn read<const N: usize, const B: usize, T: Number>(
+        &self,
+        rays: &Rays<'_>,
+        source: Source<'_, T>,
+        work: &mut Work,
+    ) -> Found {
+        let [n, bands] = known::<N, B>(rays.table.element.dofs(), source.lanes);
         work.fit[..n * bands].fill(0.0);
         work.rest[..n * bands].fill(0.0);
         let value = &mut work.value[..bands];
         let (mut found, share) = (Found::default(), rays.share());
-        // Sums of rays that count, where lengths are known: they stay in registers.
+        // Sums of words of rays that all count, where lengths are known: they stay in registers.
         let mut known_fit = [[0.0; B]; N];
         for (first, bits, hits) in rays.ended.words(rays.taken.clone()) {
             source.ask_for::<N, B>(&self.cells, hits);
+            if N > 0 && B > 0 && hits.iter().all(|hit| rays.counts(hit)) {
+                rays.add_known(source, (first, bits, hits), &mut known_fit);
+                continue;
+            }
             for (bit, hit) in set_bits(bits).zip(hits.iter()) {
                 let ray = first + bit;
                 let (functions, weight) = (&rays.table.points.functions[ray], rays.weight(share, ray));
@@ -272,17 +254,9 @@ impl Sampled {
                 if !(counts || lamp) {
                     continue;
                 }
-                if N > 0 && B > 0 && !lamp {
-                    let value = source.known_value::<N, B>(hit, &rays.table.spots);
-                    for (sums, function) in known_fit.iter_mut().zip(functions) {
-                        let weighted = weight * function;
-                        sums.iter_mut().zip(value).for_each(|(sum, v)| *sum += weighted * v);
-                    }
-                    continue;
-                }
                 if N == 1 && !lamp {
                     let values = &source.values[source.place::<N, B>(&self.cells, hit.cell())];
-                    work.fit[..bands].iter_mut().zip(values).for_each(|(sum, v)| *sum += weight * v);
+                    work.fit[..bands].iter_mut().zip(values).for_each(|(sum, &v)| *sum += weight * v.into());
                     continue;
                 }
                 let spots = if N > 0 { &rays.table.spots } else { &self.table(hit.cell()).spots };
@@ -350,45 +324,6 @@ impl Sampled {
     }
 }
 
-impl Source {
-    /// Where the coefficients of a cell begin and how many numbers they are.
-    #[inline]
-    fn place<const N: usize, const B: usize>(&self, cells: &Cells, cell: usize) -> Range<usize> {
-        let bands = if B > 0 { B } else { self.bands };
-        let range = if N > 0 { cell * N..(cell + 1) * N } else { cells.range(cell) };
-        range.start * bands..range.end * bands
-    }
-
-    /// Touches the coefficients that rays will read, so that the memory has them on their way.
-    #[inline]
-    fn ask_for<const N: usize, const B: usize>(&self, cells: &Cells, hits: Run<'_>) {
-        let mut sum = 0.0;
-        for hit in hits.iter() {
-            let place = self.place::<N, B>(cells, hit.cell());
-            sum += self.values[place.start] + self.values[place.end - 1];
-        }
-        std::hint::black_box(sum);
-    }
-
-    /// The function's value where a ray ended, for every band.
-    #[inline]
-    fn evaluate<const N: usize, const B: usize>(&self, cells: &Cells, hit: Hit, spots: &Spots, out: &mut [f64]) {
-        let values = &self.values[self.place::<N, B>(cells, hit.cell())];
-        out.fill(0.0);
-        for (values, function) in values.chunks_exact(out.len()).zip(spots.functions(hit.spot())) {
-            out.iter_mut().zip(values).for_each(|(out, value)| *out += function * value);
-        }
-    }
-
-    /// The same, if all cells have N functions and there are B bands.
-    #[inline(always)]
-    fn known_value<const N: usize, const B: usize>(&self, hit: Hit, spots: &Spots) -> [f64; B] {
-        let values = &self.values[hit.cell() * N * B..][..N * B];
-        let functions = &spots.functions(hit.spot())[..N];
-        std::array::from_fn(|band| (0..N).map(|k| functions[k] * values[k * B + band]).sum())
-    }
-}
-
 impl Table {
     /// The Jacobian at each ray's point relative to the mean one.
     fn stretch(&self, patch: &Patch) -> Vec<f64> {
@@ -429,17 +364,47 @@ impl Table {
 }
 
 impl Work {
-    fn new(rays: u32, bands: usize) -> Self {
-        let coefficients = vec![0.0; MAX_DOFS * bands];
+    fn new(rays: u32, lanes: usize) -> Self {
+        let coefficients = vec![0.0; MAX_DOFS * lanes];
         Self {
             cast: vec![Hit::LOST; rays as usize],
             cast_hits: Hits::new(rays),
-            value: vec![0.0; bands],
+            value: vec![0.0; lanes],
             fit: coefficients.clone(),
             rest: coefficients.clone(),
             result: coefficients,
         }
     }
+}
+
+/// The rows of one cell: `work.result` = Δ e. If N is not 0, all cells have one element of N functions; if B is not 0,
+/// there are B lanes.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+fma", "x86_64+avx2+fma", "aarch64+neon"))]
+fn row<const N: usize, const B: usize, T: Number>(
+    sampled: &Sampled,
+    cell: usize,
+    index: usize,
+    source: Source<'_, T>,
+    take: Take,
+    work: &mut Work,
+) {
+    let table = if N > 0 { &sampled.tables[0] } else { sampled.table(cell) };
+    let mut cast = std::mem::take(&mut work.cast_hits);
+    let taken = take.of(sampled.rays as usize);
+    let ended = match sampled.stored.get(cell / CHUNK) {
+        Some(stored) => stored.of(index),
+        None => sampled.cast_again(cell, taken.end, &mut work.cast, &mut cast),
+    };
+    let stretch = sampled.cells.stretched(cell).map(|patch| table.stretch(&patch));
+    let (free, among_lamps) = met(ended, taken.clone());
+    let rays = Rays { table, ended, taken, free, among_lamps, stretch };
+    let found = sampled.read::<N, B, T>(&rays, source, work);
+    table.fit::<N, B>(&rays, take, &found, source.lanes, work);
+    work.cast_hits = cast;
+    let of_lamps = (!among_lamps).then(|| sampled.direct[cell / CHUNK].values_of(index, take));
+    let lamps = of_lamps.as_ref().map_or(Lit::NOT, |values| sampled.lamps_of(cell, index).with(values));
+    sampled.combine::<N, B>(cell, lamps, source.means, found.lamp, work);
+    sampled.integrate::<N, B>(cell, source.lanes, work);
 }
 
 /// The numbers of functions and of bands, as constants where they are known.

@@ -1,0 +1,149 @@
+//! What a product is applied to: coefficients as rays want to read them.
+//!
+//! The bands of a coefficient stand side by side, in whole registers, in large pages. Coefficients that are numbers of single
+//! precision, as those of a search are, are kept as such: half the memory to read, and the same bits.
+
+#![expect(clippy::inline_always, reason = "loops must be compiled where their lengths are known")]
+
+use super::cells::Cells;
+use super::kept::Run;
+use super::lamps::Lamps;
+use super::rays::Hit;
+use super::spots::Spots;
+use crate::visibility::{Pages, prefetch};
+use bytemuck::Pod;
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Numbers of a register.
+const REGISTER: usize = 4;
+/// Rows whose bands are set side by side at a time: few enough for the nearest cache.
+const TURNED: usize = 128;
+
+/// A number that coefficients may be.
+pub(super) trait Number: Pod + Send + Sync + Into<f64> {
+    /// The number nearest to this one.
+    fn nearest(value: f64) -> Self;
+}
+
+impl Number for f32 {
+    fn nearest(value: f64) -> Self {
+        value as Self
+    }
+}
+
+impl Number for f64 {
+    fn nearest(value: f64) -> Self {
+        value
+    }
+}
+
+/// Places for so many bands: whole registers, unless they are very few.
+pub(super) fn lanes_for(bands: usize) -> usize {
+    if bands < REGISTER - 1 { bands } else { bands.next_multiple_of(REGISTER) }
+}
+
+/// Coefficients with the bands of each side by side.
+pub(super) struct Coefficients<T> {
+    lanes: usize,
+    values: Pages<T>,
+    means: Vec<f64>,
+}
+
+/// The same, to be read.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'a, T> {
+    /// Places for the bands of a coefficient; 0 where there are more of them than bands.
+    pub(super) lanes: usize,
+    pub(super) values: &'a [T],
+    /// For each lamp, its mean in every lane.
+    pub(super) means: &'a [f64],
+}
+
+impl<T: Number> Coefficients<T> {
+    /// What has these coefficients by number and band, if all of them are such numbers.
+    pub(super) fn exact(
+        cells: &Cells,
+        lamps: &Lamps,
+        bands: usize,
+        value: impl Fn(usize, usize) -> f64 + Sync,
+    ) -> Option<Self> {
+        let (lanes, exact) = (lanes_for(bands), AtomicBool::new(true));
+        let mut values: Pages<T> = Pages::zeroed(cells.unknowns() * lanes);
+        values.par_chunks_mut(lanes.max(1) * TURNED).enumerate().for_each(|(part, values)| {
+            if !exact.load(Ordering::Relaxed) {
+                return;
+            }
+            let mut all = true;
+            for band in 0..bands {
+                for (k, place) in values[band..].iter_mut().step_by(lanes).enumerate() {
+                    let value = value(part * TURNED + k, band);
+                    *place = T::nearest(value);
+                    // What is not a number is not single, but is itself.
+                    all &= (*place).into().to_bits() == value.to_bits();
+                }
+            }
+            exact.fetch_and(all, Ordering::Relaxed);
+        });
+        if !exact.into_inner() {
+            return None;
+        }
+        let means = lamps.means(cells, [bands, lanes], |dof, band| values[dof * lanes + band].into());
+        Some(Self { lanes, values, means })
+    }
+
+    pub(super) fn source(&self) -> Source<'_, T> {
+        Source { lanes: self.lanes, values: &self.values, means: &self.means }
+    }
+}
+
+impl<T: Number> Source<'_, T> {
+    /// Where the coefficients of a cell begin and how many numbers they are.
+    #[inline(always)]
+    pub(super) fn place<const N: usize, const B: usize>(&self, cells: &Cells, cell: usize) -> Range<usize> {
+        let lanes = if B > 0 { B } else { self.lanes };
+        let range = if N > 0 { cell * N..(cell + 1) * N } else { cells.range(cell) };
+        range.start * lanes..range.end * lanes
+    }
+
+    /// Asks for the coefficients that rays will read, so that the memory has them on their way.
+    #[inline(always)]
+    pub(super) fn ask_for<const N: usize, const B: usize>(&self, cells: &Cells, hits: Run<'_>) {
+        for hit in hits.iter() {
+            let place = self.place::<N, B>(cells, hit.cell());
+            prefetch(self.values, place.start);
+            prefetch(self.values, place.end - 1);
+        }
+    }
+
+    /// The function's value where a ray ended, for every band.
+    #[inline(always)]
+    pub(super) fn evaluate<const N: usize, const B: usize>(
+        &self,
+        cells: &Cells,
+        hit: Hit,
+        spots: &Spots,
+        out: &mut [f64],
+    ) {
+        let values = &self.values[self.place::<N, B>(cells, hit.cell())];
+        out.fill(0.0);
+        for (values, function) in values.chunks_exact(out.len()).zip(spots.functions(hit.spot())) {
+            out.iter_mut().zip(values).for_each(|(out, &value)| *out += function * value.into());
+        }
+    }
+
+    /// The same, if all cells have N functions and there are B lanes.
+    #[inline(always)]
+    pub(super) fn known_value<const N: usize, const B: usize>(&self, hit: Hit, spots: &Spots) -> [f64; B] {
+        let values = &self.values[hit.cell() * N * B..][..N * B];
+        let functions = &spots.functions(hit.spot())[..N];
+        let mut sum = [0.0; B];
+        for k in 0..N {
+            for b in 0..B {
+                sum[b] += functions[k] * values[k * B + b].into();
+            }
+        }
+        sum
+    }
+}
