@@ -213,9 +213,7 @@ impl LinearOperator for Balanced {
             Some(Scaling { d, transposed }) => *y = transposed.times(&self.exchange.times(&d.times(x))),
         }
         if let Some(factor) = self.factor {
-            for value in y.as_mut_slice() {
-                *value *= factor;
-            }
+            y.scale(factor);
         }
     }
 }

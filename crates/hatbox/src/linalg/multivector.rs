@@ -82,6 +82,11 @@ impl MultiVector {
         each(&mut self.data, &other.data, |a, b| *a += factor * b);
     }
 
+    /// `self *= factor`.
+    pub fn scale(&mut self, factor: f64) {
+        self.data.par_chunks_mut(LEAST_NUMBERS).for_each(|part| part.iter_mut().for_each(|x| *x *= factor));
+    }
+
     /// `Σ_i self_i other_i` for each band.
     pub fn dot(&self, other: &Self) -> Vec<f64> {
         (0..self.bands).into_par_iter().map(|band| dot(self.band(band), other.band(band))).collect()

@@ -15,8 +15,11 @@
 //! better than the samples; a dense operator is solved with to the last digits, and fast anyway.
 
 use crate::linalg::{LinearOperator, MultiVector};
+use rayon::prelude::*;
 use std::sync::Arc;
 
+/// Numbers of a thread at the least.
+const LEAST_NUMBERS: usize = 1 << 15;
 /// Functions that are kept, at the most.
 const MOST: usize = 32;
 /// Coefficients of an emission are a multiple of known ones if they differ by no more than this, relative to themselves (and to the
@@ -35,15 +38,17 @@ pub(super) struct Product {
 
 impl Product {
     pub(super) fn new(x: &MultiVector, image: &MultiVector) -> Self {
-        let single = |v: &MultiVector| v.as_slice().iter().map(|&x| x as f32).collect();
+        let single = |v: &MultiVector| v.as_slice().par_iter().with_min_len(LEAST_NUMBERS).map(|&x| x as f32).collect();
         Self { bands: x.bands(), x: single(x), image: single(image) }
     }
 
-    /// What `seen` makes of a function that is rounded first.
-    pub(super) fn of(x: &MultiVector, seen: &dyn LinearOperator) -> Self {
-        let mut rounded = x.clone();
-        rounded.as_mut_slice().iter_mut().for_each(|x| *x = f64::from(*x as f32));
-        Self::new(&rounded, &seen.times(&rounded))
+    /// What `seen` makes of a function that is rounded first; also both as they are kept.
+    pub(super) fn of(mut x: MultiVector, seen: &dyn LinearOperator) -> (Self, [MultiVector; 2]) {
+        round(&mut x);
+        let mut image = seen.times(&x);
+        let product = Self::new(&x, &image);
+        round(&mut image);
+        (product, [x, image])
     }
 
     fn bytes(&self) -> usize {
@@ -67,7 +72,7 @@ impl Product {
 
     /// What arrives of x, if every band of x is a multiple of that of this function.
     fn multiple(&self, x: &MultiVector) -> Option<MultiVector> {
-        let mut image = double(&self.image, self.bands);
+        let mut factors = Vec::with_capacity(self.bands);
         for band in 0..self.bands {
             let (wanted, known) = (x.band(band), &self.x[band * x.rows()..(band + 1) * x.rows()]);
             let greatest = (0..x.rows()).max_by(|&i, &j| wanted[i].abs().total_cmp(&wanted[j].abs()))?;
@@ -77,6 +82,10 @@ impl Product {
             if !factor.is_finite() || !wanted.iter().zip(known).all(same) {
                 return None;
             }
+            factors.push(factor);
+        }
+        let mut image = double(&self.image, self.bands);
+        for (band, factor) in factors.into_iter().enumerate() {
             image.band_mut(band).iter_mut().for_each(|value| *value *= factor);
         }
         Some(image)
@@ -116,8 +125,13 @@ impl Products {
     }
 }
 
+/// Numbers as they are kept.
+fn round(x: &mut MultiVector) {
+    x.as_mut_slice().par_iter_mut().with_min_len(LEAST_NUMBERS).for_each(|x| *x = f64::from(*x as f32));
+}
+
 fn double(numbers: &[f32], bands: usize) -> MultiVector {
-    let numbers = numbers.iter().map(|&x| f64::from(x)).collect();
+    let numbers = numbers.par_iter().with_min_len(LEAST_NUMBERS).map(|&x| f64::from(x)).collect();
     MultiVector::from_bands(bands, numbers).unwrap_or_else(|| MultiVector::zeros(0, bands))
 }
 

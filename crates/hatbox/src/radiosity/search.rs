@@ -4,7 +4,8 @@
 //! the search begins *and goes on*, what a new direction brings is all that it does not have yet, and what arrives of
 //! the solution is put together from what arrived of its parts, without a product to check it. Products are kept in single
 //! precision: directions are rounded before they are asked about, so that residuals are off by the rounding of images alone,
-//! and who wants more digits than that ([`FARTHEST`]) does not search.
+//! and who wants more digits than that ([`FARTHEST`]) does not search. What is left of the equation sums to nothing, so that power
+//! balances however early the search ends.
 //!
 //! Each band is sought among its own directions. S is the same for all, so that bands could share theirs (the block method of
 //! D. O'Leary 1980): that hardly saved a product where three bands shared, none where the suns over a terrain did, and takes as
@@ -110,7 +111,7 @@ impl<'a> Search<'a> {
             room,
         };
         let most_known = search.most - FEWEST / 2;
-        known.of_bands(bands).take(most_known).for_each(|product| search.take(product));
+        known.of_bands(bands).take(most_known).for_each(|product| search.take(product, product.both()));
         search.known = search.products.len();
         search.fit();
         search
@@ -153,10 +154,11 @@ impl<'a> Search<'a> {
         (solution, arrived, self.kept)
     }
 
-    fn take(&mut self, product: &Arc<Product>) {
-        let [x, image] = product.both();
+    /// Takes a product in, of which these are the function and what arrives of it.
+    fn take(&mut self, product: &Arc<Product>, [x, image]: [MultiVector; 2]) {
         let made = self.equation.of(&x, image);
-        self.spaces.iter_mut().zip(made.iter_bands()).for_each(|(space, column)| space.extend([column.to_vec()]));
+        let of_band = |(band, space): (usize, &mut Columns)| space.extend([made.band(band).to_vec()]);
+        self.spaces.par_iter_mut().enumerate().for_each(of_band);
         self.products.push(Arc::clone(product));
     }
 
@@ -166,14 +168,17 @@ impl<'a> Search<'a> {
         if self.forget_what_cancels() {
             self.best = self.fitted();
         }
-        self.rest.clone_from(&self.target);
-        for (band, (space, y)) in self.spaces.iter().zip(&self.best).enumerate() {
-            space.subtract(y, self.rest.band_mut(band));
-        }
+        let (target, rows) = (&self.target, self.target.rows().max(1));
+        let bands = self.rest.as_mut_slice().par_chunks_mut(rows).zip(&self.spaces).zip(&self.best);
+        bands.enumerate().for_each(|(band, ((rest, space), y))| {
+            rest.copy_from_slice(target.band(band));
+            space.subtract(y, rest);
+        });
     }
 
     fn fitted(&self) -> Vec<Vec<f64>> {
-        self.spaces.iter().zip(self.target.iter_bands()).map(|(space, target)| space.fit(target)).collect()
+        let of_band = |(band, space): (usize, &Columns)| space.fit_with_sum(self.target.band(band));
+        self.spaces.par_iter().enumerate().map(of_band).collect()
     }
 
     /// No longer combines what was known before in bands where it takes large multiples that cancel; whether there are any.
@@ -212,13 +217,14 @@ impl SearchSpace for Search<'_> {
         &self.rest
     }
 
-    fn extend(&mut self, directions: &MultiVector) {
+    fn extend(&mut self, directions: MultiVector) {
         if self.products.len() >= self.most {
             self.fold();
         }
-        let product = Arc::new(Product::of(directions, self.equation.transport.seen));
+        let (product, both) = Product::of(directions, self.equation.transport.seen);
+        let product = Arc::new(product);
         self.kept.keep(&product, self.room.products);
-        self.take(&product);
+        self.take(&product, both);
         self.fit();
     }
 }

@@ -12,7 +12,7 @@ pub trait SearchSpace {
     /// b − A x for the x among all combinations that makes it least in each band.
     fn rest(&self) -> &MultiVector;
     /// Takes more functions in, one in each band; a band that needs none has zeros.
-    fn extend(&mut self, directions: &MultiVector);
+    fn extend(&mut self, directions: MultiVector);
 }
 
 /// Extends a space until it holds the solution: the method of generalised conjugate residuals (Eisenstat, Elman and Schultz
@@ -51,6 +51,6 @@ pub fn search(
         for band in (0..left.bands()).filter(|&band| !open[band]) {
             left.band_mut(band).fill(0.0);
         }
-        space.extend(&preconditioner.times(&left));
+        space.extend(preconditioner.times(&left));
     }
 }

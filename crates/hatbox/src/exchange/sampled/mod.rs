@@ -401,9 +401,7 @@ impl Exchange for Sampled {
     fn spread(&self, x: &MultiVector) -> Option<MultiVector> {
         let [mut first, second] = self.halves(x);
         first.add_scaled(-1.0, &second);
-        for entry in first.as_mut_slice() {
-            *entry *= 0.5;
-        }
+        first.scale(0.5);
         Some(first)
     }
 
