@@ -177,7 +177,7 @@ impl<'a> Search<'a> {
     }
 
     fn fitted(&self) -> Vec<Vec<f64>> {
-        let of_band = |(band, space): (usize, &Columns)| space.fit_with_sum(self.target.band(band));
+        let of_band = |(band, space): (usize, &Columns)| space.fit(self.target.band(band));
         self.spaces.par_iter().enumerate().map(of_band).collect()
     }
 
