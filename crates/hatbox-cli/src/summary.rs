@@ -7,12 +7,14 @@ use crate::commands::solve::Done;
 use crate::style::Style;
 use hatbox::exchange::GREATEST_DEFICIT;
 use hatbox::report::Report;
-use hatbox::view_factors::{Estimate, ViewFactors};
+use hatbox::view_factors::{Estimate, RowCheck, ViewFactors};
 use std::fmt::Write as _;
 use std::path::Path;
 
 /// The greatest number of surfaces whose factors are shown.
 const SHOWN_SURFACES: usize = 8;
+/// The column of what arrives nowhere.
+const ENVIRONMENT: &str = "environment";
 
 /// Row sums that are off by no more are so by rounding.
 const EXACT: f64 = 1e-12;
@@ -203,9 +205,9 @@ pub(crate) fn factors(path: &Path, found: &ViewFactors, done: &Factors, style: S
     lines.line(
         "Factors",
         &format!(
-            "{} not zero, {} pairs of elements ({} proven clear), {} rays, {}",
+            "{} not zero, {} of elements ({} proven clear), {} rays, {}",
             count(done.nonzeros as u64),
-            count(done.pairs),
+            several(done.pairs, "pair"),
             percent(clear),
             count(done.rays),
             bytes(done.bytes as u64)
@@ -284,12 +286,17 @@ pub(crate) fn estimate(estimate: &Estimate, limit: Option<u64>) -> String {
 
 /// The factors of few surfaces, as a table.
 fn matrix(found: &ViewFactors, style: Style) -> String {
-    let width = found.surfaces.iter().map(|surface| surface.name.chars().count()).max().unwrap_or(0).max(8);
+    let heads = found.surfaces.iter().map(|surface| &*surface.name).chain([ENVIRONMENT]);
+    let width = heads.map(|name| name.chars().count()).max().unwrap_or(0);
     let name = |name: &str| style.faint(&format!("{name:>width$}"));
     let names: Vec<String> = found.surfaces.iter().map(|surface| name(&surface.name)).collect();
-    let mut text = format!("\n{} {}\n", name("from \\ to"), names.join("  "));
+    // What does not arrive anywhere, if there may be any.
+    let open = if found.is_closed() { Vec::new() } else { found.check().rows };
+    let heads = names.iter().cloned().chain(open.first().map(|_| name(ENVIRONMENT))).collect::<Vec<_>>();
+    let mut text = format!("\n{} {}\n", name("from \\ to"), heads.join("  "));
     for (row, name) in names.iter().enumerate() {
-        let factors: Vec<String> = found.row(row).map(|factor| format!("{factor:>width$.6}")).collect();
+        let numbers = found.row(row).chain(open.get(row).map(RowCheck::environment));
+        let factors: Vec<String> = numbers.map(|factor| format!("{factor:>width$.6}")).collect();
         let _ = writeln!(text, "{name} {}", factors.join("  "));
     }
     text

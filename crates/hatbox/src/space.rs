@@ -135,7 +135,13 @@ impl FunctionSpace {
         for element in &elements {
             offsets.push(offsets[offsets.len() - 1] + element.dofs());
         }
-        Ok(Self { basis, elements: elements.into(), offsets: offsets.into(), joined: Continuity::Broken, continuity: None })
+        Ok(Self {
+            basis,
+            elements: elements.into(),
+            offsets: offsets.into(),
+            joined: Continuity::Broken,
+            continuity: None,
+        })
     }
 
     /// The basis.

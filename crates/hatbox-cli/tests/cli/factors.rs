@@ -112,3 +112,18 @@ fn wrong_options_have_status_2() {
         fail(&folder, 2, coarse().args([&format!("{}={}", arguments[0], arguments[1])]), &[arguments[0]]);
     }
 }
+
+/// The table on the terminal of two squares that face each other has what arrives nowhere; that of a closed cube has no such column.
+#[test]
+fn the_table_of_an_open_scene_has_the_environment() {
+    let folder = Folder::new();
+    let squares =
+        "o a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\no b\nv 0 0 1\nv 0 1 1\nv 1 1 1\nv 1 0 1\nf 5 6 7 8\n";
+    std::fs::write(folder.path("squares.obj"), squares).expect("written");
+    let table = |scene: &std::path::Path| text(&succeed(hatbox().arg("factors").arg(scene).arg("--groups")).stdout);
+    let open = table(&folder.path("squares.obj"));
+    let row: Vec<&str> = open.lines().last().expect("rows").split_whitespace().collect();
+    assert_eq!(row, ["b", "0.199825", "0.000000", "0.800175"], "{open}");
+    assert!(open.contains("b  environment\n") && open.contains(" 1 pair of elements"), "{open}");
+    assert!(!table(&sample(CUBE)).contains("  environment"));
+}

@@ -173,7 +173,8 @@ mod tests {
             columns.subtract(y, &mut rest);
             (rest.iter().sum::<f64>(), norm(&rest))
         };
-        let ((sum, least), (none, more)) = (left(&columns.solved(&columns.times(&target))), left(&columns.fit(&target)));
+        let ((sum, least), (none, more)) =
+            (left(&columns.solved(&columns.times(&target))), left(&columns.fit(&target)));
         assert!(sum.abs() > 10.0 && none.abs() < 1e-6 && more < 1.05 * least, "{sum} {none}, {least} {more}");
         // What these hold next to nothing of is not made up for.
         let constant = vec![1.0; 50_000];

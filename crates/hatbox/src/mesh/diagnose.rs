@@ -108,26 +108,43 @@ impl FindingKind {
         }
     }
 
-    /// What is counted, as the end of a sentence that begins with the count; for [`Large`](Self::Large) and
-    /// [`Small`](Self::Small) a sentence.
-    pub const fn summary(self) -> &'static str {
+    /// What is counted, of one and of several, as the end of a sentence that begins with the count; for
+    /// [`Large`](Self::Large) and [`Small`](Self::Small) a sentence.
+    pub const fn summary(self) -> [&'static str; 2] {
         match self {
-            Self::BadIndex => "faces refer to vertices that do not exist",
-            Self::NotFinite => "faces have a corner that is infinite or not a number",
-            Self::Degenerate => "faces have no area",
-            Self::SelfCrossing => "quads cross themselves, like a bow tie",
-            Self::Duplicate => "faces are there twice",
-            Self::BackToBack => "pairs of faces have the same corners and face opposite ways",
-            Self::Flipped => "faces are turned against their neighbours",
-            Self::InsideOut => {
-                "faces close off everything and look outwards: as a room it is inside out, and no light gets in"
+            Self::BadIndex => {
+                ["face refers to vertices that do not exist", "faces refer to vertices that do not exist"]
             }
-            Self::Intersecting => "pairs of faces go through each other",
-            Self::Overlapping => "pairs of faces lie on top of each other and face the same way",
-            Self::Covering => "pairs of faces touch front to front or back to back",
-            Self::OpenEdge => "edges of one-sided faces where the surface ends",
-            Self::Large => "the scene is larger than a kilometre",
-            Self::Small => "the scene is smaller than a centimetre",
+            Self::NotFinite => [
+                "face has a corner that is infinite or not a number",
+                "faces have a corner that is infinite or not a number",
+            ],
+            Self::Degenerate => ["face has no area", "faces have no area"],
+            Self::SelfCrossing => ["quad crosses itself, like a bow tie", "quads cross themselves, like a bow tie"],
+            Self::Duplicate => ["face is there twice", "faces are there twice"],
+            Self::BackToBack => [
+                "pair of faces has the same corners and faces opposite ways",
+                "pairs of faces have the same corners and face opposite ways",
+            ],
+            Self::Flipped => ["face is turned against its neighbours", "faces are turned against their neighbours"],
+            Self::InsideOut => [
+                "face closes off everything and looks outwards: as a room it is inside out, and no light gets in",
+                "faces close off everything and look outwards: as a room it is inside out, and no light gets in",
+            ],
+            Self::Intersecting => ["pair of faces goes through each other", "pairs of faces go through each other"],
+            Self::Overlapping => [
+                "pair of faces lies on top of each other and faces the same way",
+                "pairs of faces lie on top of each other and face the same way",
+            ],
+            Self::Covering => [
+                "pair of faces touches front to front or back to back",
+                "pairs of faces touch front to front or back to back",
+            ],
+            Self::OpenEdge => {
+                ["edge of a one-sided face where the surface ends", "edges of one-sided faces where the surface ends"]
+            }
+            Self::Large => ["the scene is larger than a kilometre"; 2],
+            Self::Small => ["the scene is smaller than a centimetre"; 2],
         }
     }
 
@@ -179,10 +196,11 @@ pub struct Finding {
 
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let summary = self.kind.summary()[usize::from(self.count != 1)];
         if self.examples.is_empty() {
-            write!(f, "{}", self.kind.summary())?;
+            write!(f, "{summary}")?;
         } else {
-            write!(f, "{} {}", self.count, self.kind.summary())?;
+            write!(f, "{} {summary}", self.count)?;
         }
         if let Some(Example { cell, other, group, position: p }) = self.examples.first() {
             write!(f, " (first: face {cell}")?;

@@ -27,6 +27,8 @@ const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-3];
 /// The mass matrix of joined functions is inverted to these relative residuals: beside an exact operator, and beside a sampled
 /// one, whose noise is a million times that.
 const MASS_TOLERANCES: [f64; 2] = [1e-13, 1e-10];
+/// The same for directions of a search: a product leaves far more of the residual.
+const ROUGH_MASS_TOLERANCE: f64 = 1e-2;
 /// Bounces that Neumann's iteration may take at the most.
 const MOST_BOUNCES: usize = 100_000;
 /// Steps of Arnoldi's method for the norm of the operator: an exact one costs little to apply, a sampled one has its
@@ -235,8 +237,8 @@ impl System {
         exchange::norm(&*self.exchange, &self.mass, &self.mass_inverse, steps)
     }
 
-    /// How far the solver should go, and how long it may take: to the last digits where they cost little; to a hundredth of
-    /// the error of an operator that is sampled.
+    /// How far the solver should go, and how long it may take: to the last digits where they cost little; to a twentieth
+    /// of the error of an operator that is sampled.
     ///
     /// Neumann's iteration takes a bounce at a time, and each leaves the greatest reflectance ρ of the last: it may take
     /// twice ln τ/ln ρ of them, since its residual is relative to one bounce less.
@@ -385,7 +387,8 @@ impl System {
             let room = Room { search: self.spare.saturating_sub(bytes), products: bytes };
             let mut search = Search::new(equation, b, known, room, params.restart);
             let scales = search.first_bounce();
-            let rough = InverseMass { tolerance: 1e-2, ..self.inverse_mass() };
+            // Directions of a search need not be the same function of what is left each time.
+            let rough = InverseMass { tolerance: ROUGH_MASS_TOLERANCE, ..self.inverse_mass() };
             let mut info = solve::search(&mut search, &rough, scales, params, progress)?;
             if info.residual > params.tolerance {
                 info = search.finish_by_gmres(&info, &preconditioner, params, progress)?;
