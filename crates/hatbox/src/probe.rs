@@ -22,8 +22,9 @@ const AGREEMENT: f64 = 0.5;
 
 /// Points farther from the surface than this fraction of the scene's diagonal are [`far`](Probed::far).
 pub const FAR: f64 = 0.01;
-/// A point in front of a surface lies on it if it is no farther than this fraction of the scene's diagonal: a centimetre in a room.
-const ON: f64 = 1e-3;
+/// A point in front of a surface lies on it if it is no farther than this fraction of the scene's diagonal: a millimetre in a
+/// room, a hand in a city.
+const ON: f64 = 1e-4;
 
 /// Answers where a point lies on the surfaces of a solution.
 pub struct Probe<'a> {
@@ -157,7 +158,7 @@ impl<'a> Probe<'a> {
     /// the most accurate value that a solution has for a point ([`Sources`]). It takes a visit of every surface for every
     /// point. `seed` chooses rays, where any are needed.
     ///
-    /// A point in front of every surface that looks its way, farther than a thousandth of the scene's diagonal, is where it is, as
+    /// A point in front of every surface that looks its way, farther than a ten-thousandth of the scene's diagonal, is where it is, as
     /// on a work plane: E is what arrives there on a small area with that normal, and there is no B. One that is behind a surface
     /// is on it up to [`FAR`].
     ///

@@ -269,6 +269,59 @@ fn what_is_covered_is_found_in_a_turned_and_rounded_scene_with_small_cells() {
     }
 }
 
+/// A large cell under a box whose bottom is of many small faces with rounded corners, turned.
+#[test]
+fn what_is_covered_by_many_small_faces_is_found() {
+    let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.7);
+    let scene = tessellated_box(200, |p| (turn * (10.0 * p)).as_vec3().as_dvec3());
+    let sampled = hatbox::exchange::kind("sampled").expect("a kind");
+    let options = Options { operator: sampled, refinement: Refinement::None, ..options(&ALL[0], 1, 0.1) };
+    let closure = System::build(&scene, &options, &Silent).expect("built").exchange.closure;
+    let share = 2.0 * 0.16 / (6.0 + 2.0 * 0.16 + 4.0 * 0.4 * 0.5);
+    assert!(closure.escape < 1e-5 && (closure.covered - share).abs() < 1e-3 * share, "{closure:?} {share}");
+}
+
+/// A unit room in whose middle a box stands on the floor, with a bottom of n × n faces; the floor under it is a face of its own.
+fn tessellated_box(n: u32, moved: impl Fn(glam::DVec3) -> glam::DVec3) -> Scene {
+    let mut mesh = meshes::room(glam::DVec3::ONE, |_| false);
+    let (from, to) = (glam::DVec3::new(0.3, 0.3, 0.0), glam::DVec3::new(0.7, 0.7, 0.5));
+    for corners in &meshes::CUBE[1..] {
+        let mut face = corners.map(|p| from + (to - from) * glam::DVec3::from(p));
+        face.reverse();
+        meshes::face(&mut mesh, &face, 0);
+    }
+    let at = |i: u32, j: u32| from + (to - from) * glam::DVec3::new(f64::from(i), f64::from(j), 0.0) / f64::from(n);
+    for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+        meshes::face(&mut mesh, &[at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)], 0);
+    }
+    mesh.vertices.iter_mut().for_each(|vertex| *vertex = moved(*vertex));
+    let glowing = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("all", 0.5) };
+    Scene::new(mesh, vec![glowing], Physics::Light, None).expect("a valid scene")
+}
+
+/// A sheet of two faces on a floor leaves the room closed, and a wall is lit though the one on its back is there twice.
+#[test]
+fn sheets_on_a_floor_and_faces_that_are_there_twice_leave_light_where_it_was() {
+    let sheet = [[0.2, 0.2, 0.0], [0.6, 0.2, 0.0], [0.6, 0.6, 0.0], [0.2, 0.6, 0.0]].map(glam::DVec3::from);
+    let under = [sheet[0], sheet[3], sheet[2], sheet[1]];
+    let half = |z: f64| sheet.map(|p| p * glam::DVec3::new(1.0, 1.0, 0.0) + glam::DVec3::Z * z);
+    let (up, down) = (half(0.5), [3, 2, 1, 0].map(|k: usize| half(0.5)[k]));
+    for faces in [vec![sheet, under], vec![up, down, down]] {
+        let mut mesh = meshes::room(glam::DVec3::ONE, |_| false);
+        faces.iter().for_each(|face| meshes::face(&mut mesh, face, 0));
+        let glowing = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("all", 0.5) };
+        let scene = Scene::new(mesh, vec![glowing], Physics::Light, None).expect("a valid scene");
+        for kind in hatbox::exchange::ALL {
+            let options = Options { operator: kind, ..options(&ALL[0], 300, 0.02) };
+            let solved = solve(&scene, &options, &Silent).expect("solved");
+            let covered = 0.16 * f64::from(u8::from(faces.len() == 2)) / (6.0 + 0.16 * faces.len() as f64);
+            let (closure, is_sheet) = (solved.closure, faces.len() == 2);
+            assert!((closure.covered - covered).abs() < 1e-6, "{}: {closure:?}", kind.name);
+            assert!(closure.escape < 1e-5 || !is_sheet, "{}: {closure:?}", kind.name);
+        }
+    }
+}
+
 /// What a lamp lights inside the box is nothing, and so is what links would join there.
 #[test]
 fn neither_lamps_nor_links_reach_what_is_covered() {

@@ -283,6 +283,47 @@ fn each_band_is_what_it_is_alone() {
     }
 }
 
+/// A band in which nothing shines, or nothing is reflected, has no light, and the others do not mind.
+#[test]
+fn a_dark_band_keeps_no_other_from_its_light() {
+    let rgb = |values: [f64; 3]| Quantity::Uniform(values.to_vec());
+    for (exitance, reflectance) in [([1.0, 0.5, 0.0], [0.5; 3]), ([1.0; 3], [0.5, 0.6, 0.0])] {
+        let mut scene = room(0.5, [0.0, 1.0]);
+        let materials = scene.materials.iter().enumerate().map(|(k, material)| Material {
+            reflectance: rgb(reflectance),
+            exitance: rgb(exitance.map(|b| if k == 1 { b } else { 0.0 })),
+            ..material.clone()
+        });
+        scene.set_materials(materials.collect()).expect("as many");
+        for_all(|kind, basis| {
+            let solution = solve(&scene, &options(kind, basis), &Silent).expect("solved").solution;
+            let reflects = solution.radiosity.iter_bands().zip(reflectance.iter().zip(exitance));
+            for (b, (&r, e)) in reflects {
+                let dark = b.iter().filter(|&&b| b == 0.0).count();
+                assert!(
+                    b.iter().all(|b| b.is_finite()) && (dark > 0) == (r * e == 0.0),
+                    "{} {}",
+                    kind.name,
+                    basis.name
+                );
+            }
+        });
+    }
+}
+
+/// Sampled solutions balance power where light is reflected a hundred times, too, and say how far they went.
+#[test]
+fn power_is_balanced_in_a_bright_room() {
+    for name in ["sampled", "hierarchical"] {
+        let kind = exchange::kind(name).expect("a kind");
+        for basis in &BASES {
+            let solved = solve(&room(0.99, [0.0, 1.0]), &options(kind, basis), &Silent).expect("solved");
+            let (defect, residual) = (solved.energy.defect(), solved.info.residual);
+            assert!(defect < 1e-6 && residual < 1.01e-3, "{name} {}: {defect} {residual}", basis.name);
+        }
+    }
+}
+
 #[test]
 fn nothing_goes_through_a_wall() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/two-rooms-walled.glb");

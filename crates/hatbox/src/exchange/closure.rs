@@ -117,8 +117,9 @@ impl Balanced {
         let (mut target, mut covered) = (mass.times(&ones), 0.0);
         for (cell, _) in geometry.covered().iter().enumerate().filter(|(_, covered)| **covered) {
             target.band_mut(0)[space.range(cell)].fill(0.0);
-            covered += scene.mesh.patch(cell).area() / scene.mesh.area();
+            covered += scene.mesh.patch(cell).area();
         }
+        let covered = if covered > 0.0 { covered / scene.mesh.area() } else { 0.0 };
         let sums = exchange.times(&ones);
         let total = |x: &MultiVector| x.band(0).iter().sum::<f64>();
         let lost = 1.0 - total(&sums) / total(&target).max(f64::MIN_POSITIVE);

@@ -10,6 +10,9 @@
 //! but unlit sides of faces. So a cell is covered if that is so in front of it, or if it is so behind it and rays from
 //! its front meet nothing that is lit: the bottom of a box, which looks out of the room.
 //!
+//! Where more faces look one way than the other in a plane, as under a sheet of two faces that lies on a floor, one of those is
+//! seen and none of the fewer, unless they do see something (a face may be there twice by mistake).
+//!
 //! What touches is told to the tolerance with which the scene was welded, whatever the size of the cells.
 
 use super::closure::{cosine_ray, receiving_sides};
@@ -20,11 +23,12 @@ use crate::scene::{Scene, Surface};
 use crate::visibility::{Bvh, Hit};
 use glam::DVec3;
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 
 /// Corners are asked for this far from the centre: right on the outline of what covers a cell, rounding decides.
 const INSIDE: f64 = 0.98;
-/// Normals of what covers a cell are opposite to its own to about this cosine: small cells have less accurate ones.
-const OPPOSITE: f64 = -0.999;
+/// Normals of what lies in a cell's plane are its own or the opposite to about this cosine: small cells have less accurate ones.
+const ALIGNED: f64 = 0.999;
 /// Rays that tell the inside of a body.
 const RAYS: u32 = 16;
 
@@ -35,7 +39,7 @@ pub(super) fn covered(scene: &Scene, blockers: &Bvh) -> Vec<bool> {
     // Few faces touch any other, and those without contacts need not be looked at cell by cell.
     let touched = |(id, surface): (usize, &Surface)| {
         let normal = area_vector(surface.corners()).normalize_or_zero();
-        [normal, -normal].iter().any(|&n| !contact(surface.patch(n), id as u32).covers().is_empty())
+        [normal, -normal].iter().any(|&n| !contact(surface.patch(n), id as u32).level(-1.0).is_empty())
     };
     let touched: Vec<bool> = scene.surfaces.par_iter().enumerate().map(touched).collect();
     let of = |cell: usize| {
@@ -66,24 +70,37 @@ enum Met {
 
 impl Contact<'_> {
     fn is_covered(&self, cell: usize) -> bool {
-        let (covers, center) = (self.covers(), self.patch.center());
+        let (covers, center) = (self.level(-1.0), self.patch.center());
         let is_under = |p: DVec3| covers.iter().any(|(_, triangle)| self.touches(p, triangle));
         if !is_under(center) || !self.patch.corners().iter().all(|&corner| is_under(center.lerp(corner, INSIDE))) {
             return false;
         }
-        let [before, behind] = [1.0, -1.0].map(|side| self.look(cell, side, &covers));
+        // Layers in one plane: the outermost of those that are more on one side is seen.
+        let [here, others] = [&self.level(1.0), &covers].map(|faces| self.faces_at(center, faces));
+        let more = (1 + here.len()).cmp(&others.len());
+        if more.is_gt() {
+            return false;
+        }
         let all_unlit = |met: &[Met]| met.iter().all(|&met| met == Met::Unlit);
-        all_unlit(&before) || (all_unlit(&behind) && !before.contains(&Met::Lit))
+        let apart: BTreeSet<u32> = covers.iter().map(|(id, _)| *id).chain([self.surface]).collect();
+        let before = self.look(cell, 1.0, &apart);
+        all_unlit(&before)
+            || (!before.contains(&Met::Lit) && (more.is_lt() || all_unlit(&self.look(cell, -1.0, &apart))))
     }
 
-    /// What rays to the front (1) or to the back (−1) of the cell meet, faces in its own plane apart. Where two bodies
+    /// The faces that a point lies on.
+    fn faces_at(&self, p: DVec3, level: &[(u32, [DVec3; 3])]) -> BTreeSet<u32> {
+        level.iter().filter(|(_, triangle)| self.touches(p, triangle)).map(|(id, _)| *id).collect()
+    }
+
+    /// What rays to the front (1) or to the back (−1) of the cell meet beside what is in its own plane. Where two bodies
     /// touch, the inside of the one and the outside of the other are met together: that is the inside.
-    fn look(&self, cell: usize, side: f64, covers: &[(u32, [DVec3; 3])]) -> Vec<Met> {
-        let apart = |id: u32| id != self.surface && covers.iter().all(|(cover, _)| *cover != id);
+    fn look(&self, cell: usize, side: f64, apart: &BTreeSet<u32>) -> Vec<Met> {
         let met = |k: u32| {
             let (from, towards) = cosine_ray(&self.patch, point(hash(0x636f_7665, cell as u64), k));
             let [lit, unlit] = [true, false].map(|lit| {
-                let counts = |id: u32, front: bool| apart(id) && self.receives[id as usize][usize::from(!front)] == lit;
+                let receives = |id: u32, front: bool| self.receives[id as usize][usize::from(!front)];
+                let counts = |id: u32, front: bool| receives(id, front) == lit && !apart.contains(&id);
                 self.blockers.closest_hit(from, side * towards, f64::INFINITY, counts)
             });
             match (lit, unlit) {
@@ -103,8 +120,10 @@ impl Contact<'_> {
         normal.map_or(1.0, |normal| normal.dot(towards).abs())
     }
 
-    /// The triangles of other faces near the cell, in its plane, that look the other way, and their faces.
-    fn covers(&self) -> Vec<(u32, [DVec3; 3])> {
+    /// The triangles of other faces near the cell, in its plane, that look its way (1) or the other way (−1), and their faces.
+    ///
+    /// Of a small and a large one the large one's plane is known better, as far as the other.
+    fn level(&self, way: f64) -> Vec<(u32, [DVec3; 3])> {
         let (corners, normal, center) = (self.patch.corners(), self.patch.normal(), self.patch.center());
         let lo = corners.iter().copied().fold(DVec3::INFINITY, DVec3::min) - self.flat;
         let hi = corners.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) + self.flat;
@@ -112,8 +131,11 @@ impl Contact<'_> {
         self.blockers.overlapping(lo, hi, |index| {
             let Some((triangle, id)) = self.blockers.triangle(index) else { return };
             let other = area_vector(&triangle).normalize_or_zero();
-            let is_level = other.dot(center - triangle[0]).abs() <= self.flat;
-            if id != self.surface && other.dot(normal) < OPPOSITE && is_level {
+            let is_near = |n: DVec3, d: DVec3| n.dot(d).abs() <= self.flat;
+            let is_level = || {
+                is_near(other, center - triangle[0]) || triangle.iter().all(|&corner| is_near(normal, corner - center))
+            };
+            if id != self.surface && way * other.dot(normal) > ALIGNED && is_level() {
                 found.push((id, triangle));
             }
         });

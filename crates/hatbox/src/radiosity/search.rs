@@ -4,8 +4,8 @@
 //! the search begins *and goes on*, what a new direction brings is all that it does not have yet, and what arrives of
 //! the solution is put together from what arrived of its parts, without a product to check it. Products are kept in single
 //! precision: directions are rounded before they are asked about, so that residuals are off by the rounding of images alone,
-//! and who wants more digits than that ([`FARTHEST`]) does not search. What is left of the equation sums to nothing, so that power
-//! balances however early the search ends.
+//! and who wants more digits than that ([`FARTHEST`]) does not search. Where the tolerance leaves room for it, what is left of the
+//! equation is made to sum to nothing in the end, so that power balances.
 //!
 //! Each band is sought among its own directions. S is the same for all, so that bands could share theirs (the block method of
 //! D. O'Leary 1980): that hardly saved a product where three bands shared, none where the suns over a terrain did, and takes as
@@ -122,6 +122,17 @@ impl<'a> Search<'a> {
         self.first_bounce.clone()
     }
 
+    /// Makes what is left of the equation sum to nothing in bands where it stays within the tolerance, and gives the greatest
+    /// residual: power balances then to the last digits.
+    pub(super) fn balance(&mut self, tolerance: f64) -> f64 {
+        for (band, (space, y)) in self.spaces.iter().zip(&mut self.best).enumerate() {
+            space.balance(self.target.band(band), y, tolerance * self.first_bounce[band]);
+        }
+        self.leave();
+        let relative = |(rest, first): (f64, &f64)| if *first > 0.0 { rest / first } else { 0.0 };
+        self.rest.norms().into_iter().zip(&self.first_bounce).map(relative).fold(0.0, f64::max)
+    }
+
     /// Solves for what the search has left, where it got nowhere after what is `done`, by GMRES.
     pub(super) fn finish_by_gmres(
         &mut self,
@@ -131,9 +142,15 @@ impl<'a> Search<'a> {
         progress: &dyn Progress,
     ) -> Result<Info, SolveError> {
         self.fold();
-        // The tolerance is relative to the first bounce, in each band.
-        let of_band = |(first, rest): (&f64, f64)| if rest > 0.0 { first / rest } else { 1.0 };
-        let share = self.first_bounce.iter().zip(self.target.norms()).map(of_band).fold(f64::INFINITY, f64::min);
+        // The tolerance is relative to the first bounce, in each band; those that are done are left alone.
+        let mut share = f64::INFINITY;
+        for (band, rest) in self.target.norms().into_iter().enumerate() {
+            if rest > params.tolerance * self.first_bounce[band] {
+                share = share.min(self.first_bounce[band] / rest);
+            } else {
+                self.target.band_mut(band).fill(0.0);
+            }
+        }
         let params = Params { tolerance: params.tolerance * share, ..*params };
         let mut step = MultiVector::zeros(self.target.rows(), self.target.bands());
         let info = gmres(&self.equation, preconditioner, &self.target, &mut step, &params, progress)?;
@@ -168,6 +185,11 @@ impl<'a> Search<'a> {
         if self.forget_what_cancels() {
             self.best = self.fitted();
         }
+        self.leave();
+    }
+
+    /// What the best combinations leave.
+    fn leave(&mut self) {
         let (target, rows) = (&self.target, self.target.rows().max(1));
         let bands = self.rest.as_mut_slice().par_chunks_mut(rows).zip(&self.spaces).zip(&self.best);
         bands.enumerate().for_each(|(band, ((rest, space), y))| {

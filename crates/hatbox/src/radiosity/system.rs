@@ -1,17 +1,19 @@
+mod relight;
+
 use super::lossless::lossless;
 use super::operators::{Arriving, Equation, InverseMass, Join, Mass, Reflection, Symmetric, Transport, preconditioner};
 use super::products::Products;
 use super::residual::greater;
 use super::search::{FARTHEST, Room, Search, reflected_exactly};
 use super::strengths::strengths;
-use super::{Energy, Error, Gather, MaterialsError, Solution};
+use super::{Energy, Error, Gather, Solution};
 use crate::assemble::{Accuracy, Block, Panel, load, mass, weighted_mass};
 use crate::exchange::{self, Balanced, Escape, Exchange, ExchangeError, Geometry, Panorama};
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
 use crate::progress::Progress;
 use crate::scene::{Material, Scene};
 use crate::solve::{self, Info, SolveError, cg, neumann};
-use crate::space::{Continuity, FunctionSpace};
+use crate::space::FunctionSpace;
 use crate::visibility::{Bvh, Occluders};
 use std::fmt;
 use std::sync::{Arc, OnceLock};
@@ -179,58 +181,6 @@ impl System {
         exchange::Views { occluders, blockers: &self.blockers }
     }
 
-    /// Replaces the materials, one by one, and keeps the operator: another light (new B⁰), another paint (new R).
-    ///
-    /// What is solved next is what a system made afresh with the same [`exchange::Params`] would solve; only the functions'
-    /// joints are found again, since they follow the materials. It is the same to the last bit, unless the operator is sampled
-    /// and the system has been solved before: then the solver begins with what its first solution has asked of the operator
-    /// (which spares all products where lamps are dimmed together, and some where walls are painted), and what it finds is the
-    /// same to the solver's tolerance.
-    ///
-    /// # Errors
-    /// [`MaterialsError`] if their number or what their sides do would change, or one of them is not physical; the system
-    /// is then as it was.
-    ///
-    /// What is known of a sampled operator from earlier solutions is forgotten when the first reflectance that varies over an
-    /// element comes, or the last goes.
-    ///
-    /// How finely shadows are sampled follows the lamps that the operator was built for; the estimated error of a solution
-    /// tells whether that is good enough for the new ones.
-    pub fn set_materials(&mut self, materials: Vec<Material>, continuity: Continuity) -> Result<(), MaterialsError> {
-        let same = |(a, b): (&Material, &Material)| (a.two_sided, a.blocks_only) == (b.two_sided, b.blocks_only);
-        if materials.len() != self.scene.materials.len() || !materials.iter().zip(&self.scene.materials).all(same) {
-            return Err(MaterialsError::Geometry);
-        }
-        let (collects, alike) = (self.collects(), self.scene.alike());
-        self.scene.set_materials(materials)?;
-        if let Some(found) = self.found.take() {
-            self.known = found.with(&self.known, self.most_products());
-        }
-        if self.collects() != collects {
-            self.known = Products::default();
-        }
-        // The cells have elements: only the joints may differ.
-        if (alike, self.space.joined()) != (self.scene.alike(), continuity)
-            && let Ok(space) = FunctionSpace::new(&self.scene, self.space.basis(), continuity)
-            && space.continuity() != self.space.continuity()
-        {
-            self.rejoin(space);
-        }
-        self.strengths = OnceLock::new();
-        self.load = OnceLock::new();
-        self.reflectance = OnceLock::new();
-        self.operator_time = Duration::ZERO;
-        Ok(())
-    }
-
-    /// Joins functions in another way.
-    fn rejoin(&mut self, space: FunctionSpace) {
-        self.space = space;
-        self.join = Join::of(&self.space, &self.mass);
-        self.preconditioner = Arc::from(preconditioner(&self.join, &self.mass_inverse));
-        self.known = Products::default();
-    }
-
     /// ‖Δ^-½ S Δ^-½‖ from below, by a few steps of Arnoldi's method.
     pub fn operator_norm(&self) -> f64 {
         let steps = NORM_STEPS[usize::from(!self.exchange.is_symmetric())];
@@ -318,7 +268,9 @@ impl System {
         }
         let (solution, info, products) =
             self.solve_reflected(self.load(), &self.known, self.most_products(), params, progress)?;
-        self.found.get_or_init(|| products);
+        if params.tolerance >= FARTHEST {
+            self.found.get_or_init(|| products);
+        }
         Ok((solution, info))
     }
 
@@ -392,6 +344,8 @@ impl System {
             let mut info = solve::search(&mut search, &rough, scales, params, progress)?;
             if info.residual > params.tolerance {
                 info = search.finish_by_gmres(&info, &preconditioner, params, progress)?;
+            } else {
+                info.residual = search.balance(params.tolerance);
             }
             let (b, arrived, products) = search.finish();
             (b, arrived, info, products)

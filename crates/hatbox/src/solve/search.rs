@@ -1,9 +1,12 @@
 use super::{Info, Params, SolveError, Watch, check_finite};
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::progress::Progress;
+use std::collections::VecDeque;
 
-/// A direction that leaves more than this of the residual is not worth its product.
+/// So many directions that together leave more than this of the residual are not worth their products. (One may bring little, and
+/// the next much: in a bright room the first ones find what all of it has in common.)
 const STALLED: f64 = 0.9;
+const PATIENCE: usize = 3;
 
 /// Functions that the x of A x = b is sought among, more and more of them.
 ///
@@ -32,7 +35,7 @@ pub fn search(
 ) -> Result<Info, SolveError> {
     let mut watch = Watch::new(scales, *params, progress);
     check_finite(&watch.scales)?;
-    let mut last = vec![f64::INFINITY; watch.scales.len()];
+    let mut before = VecDeque::from(vec![vec![f64::INFINITY; watch.scales.len()]; PATIENCE]);
     loop {
         let norms = space.rest().norms();
         check_finite(&norms)?;
@@ -40,16 +43,19 @@ pub fn search(
         if !open.contains(&true) {
             return Ok(watch.info(&norms));
         }
-        let stalls = |(norm, last): (&f64, &f64)| *norm > STALLED * last;
-        let is_stalled = norms.iter().zip(&last).zip(&open).any(|(pair, &open)| open && stalls(pair));
+        let stalls = |(norm, before): (&f64, &f64)| *norm > STALLED * before;
+        let is_stalled = norms.iter().zip(&before[0]).zip(&open).any(|(pair, &open)| open && stalls(pair));
         if is_stalled {
             return Ok(watch.info(&norms));
         }
         watch.tick(&norms)?;
-        last.clone_from(&norms);
+        before.pop_front();
+        before.push_back(norms.clone());
+        // Of norm 1, as whoever keeps few digits of them wants it.
         let mut left = space.rest().clone();
-        for band in (0..left.bands()).filter(|&band| !open[band]) {
-            left.band_mut(band).fill(0.0);
+        for (band, norm) in norms.into_iter().enumerate() {
+            let factor = if open[band] { 1.0 / norm } else { 0.0 };
+            left.band_mut(band).iter_mut().for_each(|x| *x *= factor);
         }
         space.extend(preconditioner.times(&left));
     }

@@ -149,13 +149,26 @@ impl Sampled {
         y: &mut MultiVector,
         put: impl Fn(&mut [f64], Range<usize>, &[f64]) + Sync,
     ) {
-        if let Some(coefficients) = Coefficients::<f32>::exact(&self.cells, &self.lamps, y.bands(), &value) {
-            let (source, row) = (coefficients.source(), self.row_for(lanes_for(y.bands())));
-            self.by_rows(|cell, index, work| row(self, cell, index, source, take, work), y, put);
-        } else if let Some(coefficients) = Coefficients::<f64>::exact(&self.cells, &self.lamps, y.bands(), &value) {
-            let (source, row) = (coefficients.source(), self.row_for(lanes_for(y.bands())));
-            self.by_rows(|cell, index, work| row(self, cell, index, source, take, work), y, put);
+        let (single, exact) = Coefficients::<f32>::new(&self.cells, &self.lamps, y.bands(), &value);
+        if exact {
+            self.rows_from(single.source(), take, y, put);
+        } else {
+            drop(single);
+            let (double, _) = Coefficients::<f64>::new(&self.cells, &self.lamps, y.bands(), &value);
+            self.rows_from(double.source(), take, y, put);
         }
+    }
+
+    /// The same for what rays read.
+    fn rows_from<T: Number>(
+        &self,
+        source: Source<'_, T>,
+        take: Take,
+        y: &mut MultiVector,
+        put: impl Fn(&mut [f64], Range<usize>, &[f64]) + Sync,
+    ) {
+        let row = self.row_for(source.lanes);
+        self.by_rows(|cell, index, work| row(self, cell, index, source, take, work), y, put);
     }
 
     /// Calls `row` for every cell with its place in its chunk, and has the results put into each band of y, in order.

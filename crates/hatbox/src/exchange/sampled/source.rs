@@ -54,7 +54,7 @@ pub(super) struct Coefficients<T> {
 /// The same, to be read.
 #[derive(Clone, Copy)]
 pub(super) struct Source<'a, T> {
-    /// Places for the bands of a coefficient; 0 where there are more of them than bands.
+    /// Places for the bands of a coefficient; those beyond the bands hold zeros.
     pub(super) lanes: usize,
     pub(super) values: &'a [T],
     /// For each lamp, its mean in every lane.
@@ -62,13 +62,13 @@ pub(super) struct Source<'a, T> {
 }
 
 impl<T: Number> Coefficients<T> {
-    /// What has these coefficients by number and band, if all of them are such numbers.
-    pub(super) fn exact(
+    /// What has these coefficients by number and band, and whether all of them are such numbers; if not, some are left out.
+    pub(super) fn new(
         cells: &Cells,
         lamps: &Lamps,
         bands: usize,
         value: impl Fn(usize, usize) -> f64 + Sync,
-    ) -> Option<Self> {
+    ) -> (Self, bool) {
         let (lanes, exact) = (lanes_for(bands), AtomicBool::new(true));
         let mut values: Pages<T> = Pages::zeroed(cells.unknowns() * lanes);
         values.par_chunks_mut(lanes.max(1) * TURNED).enumerate().for_each(|(part, values)| {
@@ -86,11 +86,8 @@ impl<T: Number> Coefficients<T> {
             }
             exact.fetch_and(all, Ordering::Relaxed);
         });
-        if !exact.into_inner() {
-            return None;
-        }
         let means = lamps.means(cells, [bands, lanes], |dof, band| values[dof * lanes + band].into());
-        Some(Self { lanes, values, means })
+        (Self { lanes, values, means }, exact.into_inner())
     }
 
     pub(super) fn source(&self) -> Source<'_, T> {

@@ -1,0 +1,66 @@
+//! Other materials on the same operator.
+
+use super::super::MaterialsError;
+use super::super::operators::{Join, preconditioner};
+use super::super::products::Products;
+use super::System;
+use crate::scene::Material;
+use crate::space::{Continuity, FunctionSpace};
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+
+impl System {
+    /// Replaces the materials, one by one, and keeps the operator: another light (new B⁰), another paint (new R).
+    ///
+    /// What is solved next is what a system made afresh with the same [`exchange::Params`] would solve; only the functions'
+    /// joints are found again where other materials are alike than before, since they follow them. It is the same to the last
+    /// bit, unless the operator is sampled and the system has been solved before: then the solver begins with what its first
+    /// solution has asked of the operator (which spares all products where lamps are dimmed together, and some where walls are
+    /// painted), and what it finds is the same to the solver's tolerance.
+    ///
+    /// The parameters have the lamps that the operator was built for: how finely shadows are sampled follows these. The
+    /// estimated error of a solution tells whether that is good enough for new ones.
+    ///
+    /// What is known of a sampled operator from earlier solutions is forgotten when the first reflectance that varies over an
+    /// element comes, or the last goes.
+    ///
+    /// # Errors
+    /// [`MaterialsError`] if their number or what their sides do would change, or one of them is not physical; the system
+    /// is then as it was.
+    pub fn set_materials(&mut self, materials: Vec<Material>, continuity: Continuity) -> Result<(), MaterialsError> {
+        let same = |(a, b): (&Material, &Material)| (a.two_sided, a.blocks_only) == (b.two_sided, b.blocks_only);
+        if materials.len() != self.scene.materials.len() || !materials.iter().zip(&self.scene.materials).all(same) {
+            return Err(MaterialsError::Geometry);
+        }
+        let (collects, alike) = (self.collects(), self.scene.alike());
+        self.scene.set_materials(materials)?;
+        if let Some(found) = self.found.take() {
+            self.known = found.with(&self.known, self.most_products());
+        }
+        if self.collects() != collects {
+            self.known = Products::default();
+        }
+        // The cells have elements: only the joints may differ.
+        if (alike, self.space.joined()) != (self.scene.alike(), continuity)
+            && let Ok(space) = FunctionSpace::new(&self.scene, self.space.basis(), continuity)
+        {
+            self.rejoin(space);
+        }
+        self.strengths = OnceLock::new();
+        self.load = OnceLock::new();
+        self.reflectance = OnceLock::new();
+        self.operator_time = Duration::ZERO;
+        Ok(())
+    }
+
+    /// Joins functions in another way.
+    fn rejoin(&mut self, space: FunctionSpace) {
+        let before = std::mem::replace(&mut self.space, space);
+        if self.space.continuity() == before.continuity() {
+            return;
+        }
+        self.join = Join::of(&self.space, &self.mass);
+        self.preconditioner = Arc::from(preconditioner(&self.join, &self.mass_inverse));
+        self.known = Products::default();
+    }
+}
