@@ -198,6 +198,12 @@ impl System {
         })
     }
 
+    /// Names of materials that shine and did not when a sampled operator was built.
+    #[getter]
+    fn new_lamps(&self) -> Vec<String> {
+        self.inner.new_lamps().into_iter().map(str::to_owned).collect()
+    }
+
     /// The scene, subdivided.
     #[getter]
     fn scene(&self) -> Scene {

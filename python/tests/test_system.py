@@ -129,3 +129,13 @@ def test_a_system_shares_its_operator_with_its_repaints() -> None:
     np.testing.assert_array_equal(pieces.exchange @ x, other.exchange @ x)
     assert other.scene.bands == 3
     assert pieces.scene.bands == 1
+
+
+def test_a_lamp_that_was_dark_when_rays_were_cast_is_named() -> None:
+    def lit_on(operator: str) -> hatbox.System:
+        # Of the cube's faces the second shines.
+        return system(operator=operator).with_materials(exitance=[[3.0], [0.0]] + [[0.0]] * 4)
+
+    with pytest.warns(hatbox.HatboxWarning, match="was dark when the operator was built"):
+        lit_on("sampled")
+    lit_on("dense")

@@ -299,6 +299,29 @@ fn tessellated_box(n: u32, moved: impl Fn(glam::DVec3) -> glam::DVec3) -> Scene 
     Scene::new(mesh, vec![glowing], Physics::Light, None).expect("a valid scene")
 }
 
+/// The floor of a room is joined to the bottom of a turned box that is a little below it, and so is a little below itself: it does
+/// not hide what it is part of.
+#[test]
+fn a_floor_does_not_hide_cells_that_are_joined_to_what_is_a_little_below() {
+    let turn = glam::DQuat::from_rotation_z(0.26);
+    for sunk in [1e-9, 1e-7] {
+        let mut mesh = meshes::room(glam::DVec3::ONE, |_| false);
+        let (from, to) = (glam::DVec3::new(-0.15, -0.15, -sunk), glam::DVec3::new(0.15, 0.15, 0.4));
+        for corners in &meshes::CUBE {
+            let place =
+                |p: [f64; 3]| turn * (from + (to - from) * glam::DVec3::from(p)) + glam::DVec3::new(0.45, 0.55, 0.0);
+            let mut face = corners.map(place);
+            face.reverse();
+            meshes::face(&mut mesh, &face, 0);
+        }
+        let glowing = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("all", 0.5) };
+        let scene = Scene::new(mesh, vec![glowing], Physics::Light, None).expect("a valid scene");
+        let options = Options { operator: &hatbox::exchange::ALL[0], ..options(&ALL[0], 400, 0.01) };
+        let closure = System::build(&scene, &options, &Silent).expect("built").exchange.closure;
+        assert!(closure.deficit < 0.05 && closure.balanced, "{sunk}: {closure:?}");
+    }
+}
+
 /// A sheet of two faces on a floor leaves the room closed, and a wall is lit though the one on its back is there twice.
 #[test]
 fn sheets_on_a_floor_and_faces_that_are_there_twice_leave_light_where_it_was() {
@@ -308,7 +331,9 @@ fn sheets_on_a_floor_and_faces_that_are_there_twice_leave_light_where_it_was() {
     let (up, down) = (half(0.5), [3, 2, 1, 0].map(|k: usize| half(0.5)[k]));
     for faces in [vec![sheet, under], vec![up, down, down]] {
         let mut mesh = meshes::room(glam::DVec3::ONE, |_| false);
-        faces.iter().for_each(|face| meshes::face(&mut mesh, face, 0));
+        for face in &faces {
+            meshes::face(&mut mesh, face, 0);
+        }
         let glowing = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("all", 0.5) };
         let scene = Scene::new(mesh, vec![glowing], Physics::Light, None).expect("a valid scene");
         for kind in hatbox::exchange::ALL {

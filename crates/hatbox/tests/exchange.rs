@@ -201,6 +201,30 @@ fn the_light_of_a_far_lamp_is_reflected() {
     }
 }
 
+/// A lamp of a hundred times the floor's area, so far away that it is small: E = B⁰ A / (π h²).
+#[test]
+fn a_large_lamp_that_is_far_away_is_small() {
+    let square = |s: f64, z: f64| [(-s, -s), (s, -s), (s, s), (-s, s)].map(|(x, y)| DVec3::new(x, y, z));
+    let (height, exitance) = (1e4, 1e6);
+    let mut mesh = Mesh::default();
+    meshes::face(&mut mesh, &square(0.5, 0.0), 0);
+    let mut lamp = square(5.0, height);
+    lamp.reverse();
+    meshes::face(&mut mesh, &lamp, 1);
+    let sun = Material { exitance: Quantity::gray(exitance), ..Material::diffuse("sun", 0.0) };
+    let scene = Scene::new(mesh, vec![Material::diffuse("gray", 0.5), sun], Physics::Light, None).expect("valid");
+    let exact = exitance * 100.0 / (std::f64::consts::PI * height * height);
+    for_all(|kind, basis| {
+        let solution = solve(&scene, &options(kind, basis), &Silent).expect("solved").solution;
+        let on_floor = |&cell: &usize| solution.scene.mesh.patch(cell).center().z < 1.0;
+        for cell in (0..solution.space.cells()).filter(on_floor) {
+            for e in &solution.irradiance.band(0)[solution.space.range(cell)] {
+                assert!((e - exact).abs() < TOLERANCE * exact, "{} {}: {e} {exact}", kind.name, basis.name);
+            }
+        }
+    });
+}
+
 /// What sees nothing but lamps gets what they send, to the last digit.
 #[test]
 fn among_lamps_constants_come_back_exactly() {

@@ -193,17 +193,21 @@ fn points_in_the_air_receive_what_a_furnace_sends() {
 /// scene above it. Behind a surface there is no light; a point there belongs to it.
 #[test]
 fn what_is_gathered_just_above_a_floor_is_gathered_there() {
-    let glowing = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("wall", 0.5) };
-    let room = meshes::room(DVec3::new(2.0, 1.0, 1.5), |_| false);
-    let scene = Scene::new(room, vec![glowing], Physics::Light, None).expect("valid");
-    let options =
-        Options { refinement: Refinement::Elements(100), tolerance: 1e-4, error_points: 0, ..Options::default() };
-    let solution = solve(&scene, &options, &Silent).expect("solved").solution;
-    let points = [-0.02, 0.0, 0.001, 0.02].map(|z| (DVec3::new(1.0, 0.5, z), DVec3::Z));
-    let gathered = Probe::new(&solution).values_gathered(&points, 0, &Silent).expect("nobody stops it");
-    let (e, b) = (gathered.irradiance.band(0), gathered.radiosity.band(0));
-    assert!(e.iter().all(|e| (e - 2.0).abs() < 1e-3), "{e:?}");
-    assert!(b[..3].iter().all(|b| (b - 2.0).abs() < 1e-3) && b[3].is_nan(), "{b:?}");
+    for (size, heights) in
+        [([2.0, 1.0, 1.5], [-0.02, 0.0, 0.0002, 0.02]), ([1000.0, 900.0, 3.0], [-1.0, 0.0, 0.01, 0.85])]
+    {
+        let glowing = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("wall", 0.5) };
+        let room = meshes::room(DVec3::from(size), |_| false);
+        let scene = Scene::new(room, vec![glowing], Physics::Light, None).expect("valid");
+        let options =
+            Options { refinement: Refinement::Elements(100), tolerance: 1e-4, error_points: 0, ..Options::default() };
+        let solution = solve(&scene, &options, &Silent).expect("solved").solution;
+        let points = heights.map(|z| (DVec3::new(1.0, 0.5, z), DVec3::Z));
+        let gathered = Probe::new(&solution).values_gathered(&points, 0, &Silent).expect("nobody stops it");
+        let (e, b) = (gathered.irradiance.band(0), gathered.radiosity.band(0));
+        assert!(e.iter().all(|e| (e - 2.0).abs() < 1e-3), "{e:?}");
+        assert!(b[..3].iter().all(|b| (b - 2.0).abs() < 1e-3) && b[3].is_nan(), "{b:?}");
+    }
 }
 
 #[test]

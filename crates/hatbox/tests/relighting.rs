@@ -4,6 +4,7 @@
 mod meshes;
 
 use hatbox::assemble::Accuracy;
+use hatbox::exchange::Exchange;
 use hatbox::linalg::{LinearOperator, MultiVector};
 use hatbox::mesh::Refinement;
 use hatbox::progress::Silent;
@@ -97,6 +98,23 @@ fn a_texture_on_a_sampled_operator_is_solved_for_as_from_the_start() {
         for (again, fresh) in [(&again.radiosity, &fresh.radiosity), (&again.irradiance, &fresh.irradiance)] {
             assert!(difference(fresh, again) < 1e-3, "{}", difference(fresh, again));
         }
+    }
+}
+
+#[test]
+fn lamps_that_were_dark_when_rays_were_cast_are_named() {
+    let with_walls = |walls: f64| {
+        let mut all = materials([0.5, 0.5, 0.2], 1.0);
+        all[0].exitance = Quantity::gray(walls);
+        all
+    };
+    for operator in hatbox::exchange::ALL {
+        let scene = cube(with_walls(0.0));
+        let mut system =
+            System::build(&scene, &Options { operator, tolerance: 0.1, ..options() }, &Silent).expect("built");
+        assert_eq!(system.new_lamps(), Vec::<&str>::new());
+        system.set_materials(with_walls(2.0), options().continuity).expect("the same cells");
+        assert_eq!(system.new_lamps().contains(&"walls"), !system.exchange.is_symmetric(), "{}", operator.name);
     }
 }
 

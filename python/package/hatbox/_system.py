@@ -16,7 +16,7 @@ from ._arrays import tolerance as checked_tolerance
 from ._materials import Quantity, spread
 from ._native import HatboxError
 from ._progress import bar
-from ._scene import Scene
+from ._scene import Scene, _warn
 
 if TYPE_CHECKING:
     from ._solution import Solution
@@ -173,14 +173,23 @@ class System:
         Raises:
             HatboxError: As `Scene` does.
 
-        How finely shadows are sampled follows the lamps for which the operator was built. If others are lit later, the
-        estimated error tells whether that will do.
+        A sampled operator has the lamps for which it was built: how finely shadows are sampled follows them, and the light of
+        materials that were dark then is left to rays, which is noisy (a `HatboxWarning`). Build with all lamps lit that
+        are to be lit one after the other. The estimated error tells whether what was built will do.
         """
         names, place = self.scene.material_names, self.nodes[0]
         keep = spread("reflectance", {}, names, place)
         paints, a = keep if reflectance is None else spread("reflectance", reflectance, names, place)
         lamps, b = keep if exitance is None else spread("exitance", exitance, names, place)
-        return System._of(self._native.with_materials(paints, lamps, max(a, b)))
+        native = self._native.with_materials(paints, lamps, max(a, b))
+        _warn(
+            [
+                f"material `{name}` was dark when the operator was built: its light is left to rays, and may be noisy; "
+                "light it when you build, and dim it afterwards"
+                for name in native.new_lamps
+            ]
+        )
+        return System._of(native)
 
     def solve(
         self,

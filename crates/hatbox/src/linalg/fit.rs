@@ -11,7 +11,7 @@ const DEPENDENT: f64 = 1e-6;
 /// Columns a_j, more and more of them, whose combinations are fitted to a target t.
 #[derive(Debug, Default)]
 pub(crate) struct Columns {
-    columns: Vec<Vec<f64>>,
+    all: Vec<Vec<f64>>,
     /// Products of each column with those up to itself.
     products: Vec<Vec<f64>>,
     /// Sums of each.
@@ -21,10 +21,10 @@ pub(crate) struct Columns {
 impl Columns {
     /// Adds columns, all of one length.
     pub(crate) fn extend(&mut self, new: impl IntoIterator<Item = Vec<f64>>) {
-        let before = self.columns.len();
-        self.columns.extend(new);
-        self.sums.extend(self.columns[before..].iter().map(|column| column.iter().sum::<f64>()));
-        let all: Vec<&[f64]> = self.columns.iter().map(Vec::as_slice).collect();
+        let before = self.all.len();
+        self.all.extend(new);
+        self.sums.extend(self.all[before..].iter().map(|column| column.iter().sum::<f64>()));
+        let all: Vec<&[f64]> = self.all.iter().map(Vec::as_slice).collect();
         let products = products(&all[before..], &all);
         self.products.extend(products.into_iter().enumerate().map(|(k, mut row)| {
             row.truncate(before + k + 1);
@@ -47,7 +47,6 @@ impl Columns {
         let least = super::dot(target, target) - super::dot(y, &self.times(target));
         let lacking = target.iter().sum::<f64>() - super::dot(y, &self.sums);
         let reach = super::dot(&towards, &self.sums);
-        eprintln!("lacking {lacking} reach {reach} least {} most {most} n {}", least.abs().sqrt(), target.len());
         if reach > 0.0 && least + lacking * lacking / reach <= most * most {
             y.iter_mut().zip(towards).for_each(|(y, towards)| *y += lacking / reach * towards);
         }
@@ -55,7 +54,7 @@ impl Columns {
 
     /// The products of each column with a target.
     fn times(&self, target: &[f64]) -> Vec<f64> {
-        let all: Vec<&[f64]> = self.columns.iter().map(Vec::as_slice).collect();
+        let all: Vec<&[f64]> = self.all.iter().map(Vec::as_slice).collect();
         products(&all, &[target]).concat()
     }
 
@@ -63,7 +62,7 @@ impl Columns {
     fn solved(&self, right: &[f64]) -> Vec<f64> {
         let row = |(j, right): (usize, &f64)| {
             let product = |k: usize| self.products[j.max(k)][j.min(k)];
-            (0..self.columns.len()).map(product).chain([*right]).collect()
+            (0..self.all.len()).map(product).chain([*right]).collect()
         };
         solve(right.iter().enumerate().map(row).collect())
     }
@@ -76,7 +75,7 @@ impl Columns {
     /// t − Σ y_j a_j, in the place of t.
     pub(crate) fn subtract(&self, y: &[f64], target: &mut [f64]) {
         target.par_chunks_mut(ROWS).enumerate().for_each(|(part, rest)| {
-            for (column, y) in self.columns.iter().zip(y).filter(|(_, y)| **y != 0.0) {
+            for (column, y) in self.all.iter().zip(y).filter(|(_, y)| **y != 0.0) {
                 rest.iter_mut().zip(&column[part * ROWS..]).for_each(|(rest, a)| *rest -= y * a);
             }
         });

@@ -96,6 +96,8 @@ pub struct System {
     /// What is known of a sampled S from other materials, and what the first solution with these has asked of it.
     known: Products,
     found: OnceLock<Products>,
+    /// The materials that shone when the operator was built.
+    shone: Arc<[bool]>,
 }
 
 impl fmt::Debug for System {
@@ -145,6 +147,7 @@ impl System {
             spare: params.memory.saturating_sub(exchange.statistics().bytes),
             known: Products::default(),
             found: OnceLock::new(),
+            shone: relight::shining(&scene.materials),
             exchange: Arc::new(exchange),
             operator_time: started.elapsed(),
             operator_reason,

@@ -5,7 +5,9 @@
 //! Collinear corners vanish, so that merged polygons may have corners on each other's edges: their shadows are areas, and
 //! a crack without area is no light. Rays go on to the faces themselves, whose edges are watertight.
 
+use super::build::range;
 use super::{Bvh, Shaft, ShaftResult};
+use crate::mesh::RELATIVE_TOLERANCE;
 use crate::mesh::polygon::area_vector;
 use crate::scene::Surface;
 use glam::DVec3;
@@ -21,6 +23,8 @@ pub struct Occluders {
     /// The polygon that each face is a part of.
     of_surface: Vec<u32>,
     tree: Bvh,
+    /// What is no farther from a polygon lies on it.
+    flat: f64,
 }
 
 impl Occluders {
@@ -38,7 +42,9 @@ impl Occluders {
             }
         }
         let normals = merged.polygons.iter().map(|polygon| area_vector(polygon).normalize_or_zero()).collect();
-        Self { corners, starts, normals, of_surface: merged.of_surface, tree: Bvh::new(&triangles, &ids) }
+        let (lo, hi) = range(corners.iter().copied());
+        let flat = if lo.is_finite() { RELATIVE_TOLERANCE * lo.distance(hi) } else { 0.0 };
+        Self { corners, starts, normals, of_surface: merged.of_surface, tree: Bvh::new(&triangles, &ids), flat }
     }
 
     /// Number of polygons.
@@ -61,9 +67,10 @@ impl Occluders {
         shaft.may_block(self.polygon(index), self.normals[index as usize])
     }
 
-    /// Whether a polygon blocks every segment of a shaft.
+    /// Whether a polygon blocks every segment of a shaft, on neither end of which it lies: cells that were joined to something a
+    /// little below their face are not hidden by that face.
     pub fn blocks_fully(&self, shaft: &Shaft, index: u32) -> bool {
-        shaft.fully_blocked_by(self.polygon(index), self.normals[index as usize])
+        shaft.fully_blocked_by(self.polygon(index), self.normals[index as usize], self.flat)
     }
 
     /// The polygon that a face is a part of; `u32::MAX` if there is no such face.

@@ -233,10 +233,11 @@ impl Shaft {
 
     /// Whether a convex planar polygon with that unit normal blocks every segment of the shaft.
     ///
-    /// It does if it lies strictly between the two polygons and each segment from a corner to a corner crosses it
+    /// It does if it lies strictly between the two polygons, farther than `least` from either's corners along its normal, and each segment from a corner to a corner crosses it
     /// strictly inside: the projection of one polygon onto its plane from any point of the other is the convex hull of
     /// the projected corners.
-    pub fn fully_blocked_by(&self, blocker: &[DVec3], normal: DVec3) -> bool {
+    pub fn fully_blocked_by(&self, blocker: &[DVec3], normal: DVec3, least: f64) -> bool {
+        let least = least.max(self.touch);
         let height = |corner: DVec3| normal.dot(corner + self.origin - blocker[0]);
         let inside = |x: DVec3| {
             (0..blocker.len()).all(|k| {
@@ -248,7 +249,7 @@ impl Shaft {
         a.iter().all(|&p| {
             b.iter().all(|&q| {
                 let (hp, hq) = (height(p), height(q));
-                let sides_differ = hp.abs() > self.touch && hq.abs() > self.touch && (hp > 0.0) != (hq > 0.0);
+                let sides_differ = hp.abs() > least && hq.abs() > least && (hp > 0.0) != (hq > 0.0);
                 sides_differ && inside(p + (q - p) * (hp / (hp - hq)))
             })
         })

@@ -348,7 +348,7 @@ fn an_empty_shaft_has_no_blocked_segment_and_a_full_one_no_clear_one() {
         let (a, b) = (convex_polygon(&mut numbers, p, 0.1), convex_polygon(&mut numbers, q, 0.1));
         let (shaft, mut out) = (Shaft::new(&a, &b), Vec::new());
         let found = tree.shaft_candidates(&shaft, &[u32::MAX; 2], &mut out, 1000);
-        let full = triangles.iter().any(|t| shaft.fully_blocked_by(t, area_vector(t).normalize_or_zero()));
+        let full = triangles.iter().any(|t| shaft.fully_blocked_by(t, area_vector(t).normalize_or_zero(), 0.0));
         seen[if full { 2 } else { usize::from(found == ShaftResult::Candidates) }] += 1;
         for _ in 0..50 {
             let (from, to) = (inner_point(&mut numbers, &a), inner_point(&mut numbers, &b));
@@ -378,11 +378,12 @@ fn shafts_keep_to_their_limit_and_their_surfaces() {
     assert_eq!(out, [0, 1, 2, 5, 6, 7, 8]);
     assert_eq!(tree.shaft_candidates(&shaft, &[3, 4], &mut out, 6), ShaftResult::TooMany);
     assert!(shaft.may_block(&sheets[0], DVec3::Z));
-    assert!(
-        !Shaft::new(&square(0.0, 1.0), &square(1.0, 1.0).map(|p| p + DVec3::X * 9.0))
-            .fully_blocked_by(&square(0.5, 2.0), DVec3::Z)
-    );
-    let hides = |s: f64| shaft.fully_blocked_by(&square(0.5, s), DVec3::Z);
+    assert!(!Shaft::new(&square(0.0, 1.0), &square(1.0, 1.0).map(|p| p + DVec3::X * 9.0)).fully_blocked_by(
+        &square(0.5, 2.0),
+        DVec3::Z,
+        0.0
+    ));
+    let hides = |s: f64| shaft.fully_blocked_by(&square(0.5, s), DVec3::Z, 0.0);
     assert!(hides(1.1) && !hides(1.0));
 }
 

@@ -48,7 +48,7 @@ use std::f64::consts::FRAC_1_PI;
 
 /// Cells that are so many times stronger than a mean one are lamps.
 const STRONG: f64 = 2.0;
-/// Strong cells of one material are left to rays if they are more than this share of all area: the first, which is more than a
+/// Strong cells of one material are left to rays if they look like more than this share of all area: the first, which is more than a
 /// wall of a cube, or the second where they are more faces than a cut has.
 const WIDE: [f64; 2] = [0.2, 0.05];
 /// Lamps that a cell looks at from all of its points, at the most.
@@ -360,15 +360,36 @@ fn strong_sides(geometry: &Geometry<'_>, cells: &Cells, params: &Params) -> Vec<
         }
     }
     let material = |on: &[u32]| geometry.scene.mesh.cells[on[0] as usize].material;
+    let apparent = apparent_areas(cells, params);
     let mut of: BTreeMap<u32, (usize, f64)> = BTreeMap::new();
     for on in sides.values() {
         let (faces, area) = of.entry(material(on)).or_default();
-        (*faces, *area) = (*faces + 1, *area + on.iter().map(|&cell| cells.area(cell as usize)).sum::<f64>());
+        (*faces, *area) = (*faces + 1, *area + on.iter().map(|&cell| apparent(cell as usize)).sum::<f64>());
     }
-    let all: f64 = (0..cells.len()).map(|cell| cells.area(cell)).sum();
+    let all: f64 = (0..cells.len()).map(&apparent).sum();
     let wide = |&(faces, area): &(usize, f64)| area > WIDE[usize::from(faces > CUT)] * all;
     let is_wide = |on: &Vec<u32>| of.get(&material(on)).is_some_and(wide);
     sides.into_values().filter(|on| !is_wide(on)).collect()
+}
+
+/// The area of a cell; of one farther from the middle of what does not shine than that is on average, as large as it looks from
+/// there at that distance: a sun is small, however far, and a sky wide.
+fn apparent_areas<'a>(cells: &'a Cells, params: &'a Params) -> impl Fn(usize) -> f64 + 'a {
+    let is_weak = |&cell: &usize| params.strengths.get(cell).is_none_or(|&strength| strength <= STRONG);
+    let mean = |of: &dyn Fn(usize) -> DVec3| {
+        let weak = (0..cells.len()).filter(is_weak);
+        let sum = weak
+            .fold((DVec3::ZERO, 0.0), |(sum, area), cell| (sum + cells.area(cell) * of(cell), area + cells.area(cell)));
+        if sum.1 > 0.0 { sum.0 / sum.1 } else { DVec3::INFINITY }
+    };
+    let center = |cell: usize| cells.patch(cell).center();
+    let middle = mean(&center);
+    let square = mean(&|cell| DVec3::splat(center(cell).distance_squared(middle))).x;
+    move |cell| {
+        let shrunk = square / cells.patch(cell).center().distance_squared(middle);
+        // Where everything shines there is no middle.
+        cells.area(cell) * if shrunk < 1.0 { shrunk } else { 1.0 }
+    }
 }
 
 impl Lamp {

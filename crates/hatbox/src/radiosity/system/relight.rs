@@ -4,6 +4,7 @@ use super::super::MaterialsError;
 use super::super::operators::{Join, preconditioner};
 use super::super::products::Products;
 use super::System;
+use crate::exchange::Exchange;
 use crate::scene::Material;
 use crate::space::{Continuity, FunctionSpace};
 use std::sync::{Arc, OnceLock};
@@ -53,6 +54,15 @@ impl System {
         Ok(())
     }
 
+    /// Materials that shine and did not when the operator was built, if it is sampled: it takes their light for that of other
+    /// surfaces, which rays find or not, and the smaller they are the noisier it is. A system that is to be lit by one lamp after
+    /// the other is built with all of them lit.
+    pub fn new_lamps(&self) -> Vec<&str> {
+        let now = shining(&self.scene.materials);
+        let is_new = |&k: &usize| now[k] && !self.shone[k] && !self.exchange.is_symmetric();
+        (0..now.len()).filter(is_new).map(|k| &*self.scene.materials[k].name).collect()
+    }
+
     /// Joins functions in another way.
     fn rejoin(&mut self, space: FunctionSpace) {
         let before = std::mem::replace(&mut self.space, space);
@@ -63,4 +73,9 @@ impl System {
         self.preconditioner = Arc::from(preconditioner(&self.join, &self.mass_inverse));
         self.known = Products::default();
     }
+}
+
+/// Which of some materials may give light of their own.
+pub(super) fn shining(materials: &[Material]) -> Arc<[bool]> {
+    materials.iter().map(|material| !material.exitance.is_zero()).collect()
 }
