@@ -173,9 +173,9 @@ class System:
         Raises:
             HatboxError: As `Scene` does.
 
-        A sampled operator has the lamps for which it was built: how finely shadows are sampled follows them, and the light of
-        materials that were dark then is left to rays, which is noisy (a `HatboxWarning`). Build with all lamps lit that
-        are to be lit one after the other. The estimated error tells whether what was built will do.
+        A sampled operator has the lamps for which it was built: how finely shadows are sampled follows them, and the
+        light of materials that were dark then is left to rays, which is noisy (a `HatboxWarning`). Build with all lamps
+        lit that are to be lit one after the other. The estimated error tells whether what was built will do.
         """
         names, place = self.scene.material_names, self.nodes[0]
         keep = spread("reflectance", {}, names, place)

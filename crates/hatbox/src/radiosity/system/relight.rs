@@ -13,8 +13,8 @@ use std::time::Duration;
 impl System {
     /// Replaces the materials, one by one, and keeps the operator: another light (new B⁰), another paint (new R).
     ///
-    /// What is solved next is what a system made afresh with the same [`exchange::Params`] would solve; only the functions'
-    /// joints are found again where other materials are alike than before, since they follow them. It is the same to the last
+    /// What is solved next is what a system made afresh with the same [`Params`](crate::exchange::Params) would solve; only the
+    /// functions' joints are found again where other materials are alike than before, since they follow them. It is the same to the last
     /// bit, unless the operator is sampled and the system has been solved before: then the solver begins with what its first
     /// solution has asked of the operator (which spares all products where lamps are dimmed together, and some where walls are
     /// painted), and what it finds is the same to the solver's tolerance.
