@@ -347,6 +347,24 @@ fn sheets_on_a_floor_and_faces_that_are_there_twice_leave_light_where_it_was() {
     }
 }
 
+/// Of a sheet of two faces on the roof of a box under the open sky the bottom is covered, and nothing else.
+#[test]
+fn a_sheet_on_a_roof_sees_the_sky() {
+    let mut mesh = hatbox::mesh::Mesh::default();
+    for corners in &meshes::CUBE {
+        let mut face = corners.map(glam::DVec3::from);
+        face.reverse();
+        meshes::face(&mut mesh, &face, 0);
+    }
+    let mut sheet = [[0.2, 0.2, 1.0], [0.6, 0.2, 1.0], [0.6, 0.6, 1.0], [0.2, 0.6, 1.0]].map(glam::DVec3::from);
+    meshes::face(&mut mesh, &sheet, 0);
+    sheet.reverse();
+    meshes::face(&mut mesh, &sheet, 0);
+    let scene = Scene::new(mesh, vec![Material::diffuse("all", 0.5)], Physics::Light, None).expect("a valid scene");
+    let closure = System::build(&scene, &options(&ALL[0], 300, 0.1), &Silent).expect("built").exchange.closure;
+    assert!((closure.covered - 0.16 / 6.32).abs() < 1e-6, "{closure:?}");
+}
+
 /// What a lamp lights inside the box is nothing, and so is what links would join there.
 #[test]
 fn neither_lamps_nor_links_reach_what_is_covered() {
