@@ -10,7 +10,7 @@ use hatbox::scene::{Material, Physics, Scene, Warning};
 use hatbox::space::{Continuity, FunctionSpace};
 use meshes::{cornell, face, icosphere, room};
 use proptest::prelude::*;
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 use std::path::Path;
 
 fn at(x: f64, y: f64, z: f64) -> DVec3 {
@@ -217,16 +217,7 @@ fn texture_coordinates_and_normals_are_interpolated() {
 /// walls, and streaked the floor with light. Next to lines some angles are sharp, but few.
 #[test]
 fn small_feet_leave_no_needles_on_a_large_floor() {
-    let mut mesh = floor();
-    for [x, y] in [[-0.4, -0.3], [0.5, -0.3], [0.5, 0.4], [-0.4, 0.4]] {
-        let s = 0.03;
-        for (from, to) in
-            [([x, y], [x + s, y]), ([x + s, y], [x + s, y + s]), ([x + s, y + s], [x, y + s]), ([x, y + s], [x, y])]
-        {
-            wall(&mut mesh, from, to, [0.0, 0.7]);
-        }
-    }
-    let (cut, _) = split(&mesh);
+    let (cut, _) = split(&table(0.03));
     let is_level = level(&cut);
     let sine = |cell: usize| {
         let corners: Vec<DVec3> = cut.patch(cell).corners().to_vec();
@@ -240,6 +231,30 @@ fn small_feet_leave_no_needles_on_a_large_floor() {
     let sines: Vec<f64> = cells.iter().map(|&cell| sine(cell)).collect();
     let (least, sharp) = (sines.iter().copied().fold(1.0, f64::min), sines.iter().filter(|&&sine| sine < 0.26).count());
     assert!(least > 0.1 && 10 * sharp < cells.len(), "{least}, {sharp} of {} triangles", cells.len());
+}
+
+/// Around feet of some tolerances no triangles are made that are as small: the floor has its own corners and theirs.
+#[test]
+fn hardly_any_feet_add_nothing_to_a_floor() {
+    for (edge, adds) in [(0.003, true), (1e-4, false)] {
+        let (cut, _) = split(&table(edge));
+        let is_level = level(&cut);
+        let on_floor = (0..cut.cells.len()).filter(|&cell| is_level(cell)).flat_map(|cell| cut.cells[cell].corners());
+        let corners: BTreeSet<u32> = on_floor.copied().collect();
+        assert_eq!(corners.len() > 4 + 16, adds, "{} corners", corners.len());
+    }
+}
+
+/// A floor on which a table stands with four square feet.
+fn table(edge: f64) -> Mesh {
+    let mut mesh = floor();
+    for [x, y] in [[-0.4, -0.3], [0.5, -0.3], [0.5, 0.4], [-0.4, 0.4]] {
+        let [u, v] = [x + edge, y + edge];
+        for (from, to) in [([x, y], [u, y]), ([u, y], [u, v]), ([u, v], [x, v]), ([x, v], [x, y])] {
+            wall(&mut mesh, from, to, [0.0, 0.7]);
+        }
+    }
+    mesh
 }
 
 #[test]

@@ -50,6 +50,7 @@ fn a_flipped_face_is_told_from_a_room_that_faces_inwards() {
     let found = diagnose(&mesh);
     assert_eq!(found.len(), 1);
     assert_eq!((found[0].kind, found[0].count, found[0].examples[0].cell), (FindingKind::Flipped, 1, 4));
+    assert!(found[0].to_string().starts_with("1 face is turned against its neighbours (first: face 4"), "{}", found[0]);
     assert_eq!(found[0].examples[0].group, "part");
     assert!(found[0].to_string().contains("face 4 of `part`, at 0.0000 0.5000 0.5000 m"), "{}", found[0]);
     assert!(diagnose_sheets(&mesh, |_| true).is_empty());

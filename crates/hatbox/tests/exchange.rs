@@ -335,6 +335,24 @@ fn a_dark_band_keeps_no_other_from_its_light() {
     }
 }
 
+/// Light may be as faint or as bright as it likes: the solution is so many times that of a lamp of 1.
+#[test]
+fn the_unit_of_light_does_not_matter() {
+    let light = |exitance: f64| {
+        let kind = exchange::kind(exchange::Sampled::NAME).expect("a kind");
+        let mut light =
+            solve(&room(0.5, [0.0, exitance]), &options(kind, &BASES[1]), &Silent).expect("solved").solution.radiosity;
+        light.scale(1.0 / exitance);
+        light
+    };
+    let one = light(1.0);
+    for exitance in [1e-43, 1e-40, 1e40] {
+        let found = light(exitance);
+        let off = one.as_slice().iter().zip(found.as_slice()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-6, "{exitance:e}: {off}");
+    }
+}
+
 /// Sampled solutions balance power where light is reflected a hundred times, too, and say how far they went.
 #[test]
 fn power_is_balanced_in_a_bright_room() {

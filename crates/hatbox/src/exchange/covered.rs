@@ -122,7 +122,7 @@ impl Contact<'_> {
 
     /// The triangles of other faces near the cell, in its plane, that look its way (1) or the other way (−1), and their faces.
     ///
-    /// Of a small and a large one the large one's plane is known better, as far as the other.
+    /// They lie in one plane if the smaller of the two lies in that of the larger, which is known better.
     fn level(&self, way: f64) -> Vec<(u32, [DVec3; 3])> {
         let (corners, normal, center) = (self.patch.corners(), self.patch.normal(), self.patch.center());
         let lo = corners.iter().copied().fold(DVec3::INFINITY, DVec3::min) - self.flat;

@@ -27,6 +27,8 @@ const MOST: usize = 32;
 /// do: a small bright lamp is more than a large dim one, and may light the scene less.
 const SAME: f64 = 1e-6;
 const ROUNDING: f64 = 1e-10;
+/// Functions whose greatest number is less than this have too few digits in single precision.
+const FAINT: f32 = 1e-30;
 
 /// A function of the joined space in each band, and what arrives of it ([`Arriving`](super::operators::Arriving)).
 #[derive(Debug)]
@@ -55,8 +57,12 @@ impl Product {
         size_of_val(&*self.x) + size_of_val(&*self.image)
     }
 
-    fn is_finite(&self) -> bool {
-        self.x.iter().chain(&self.image).all(|x| x.is_finite())
+    /// Whether single precision has room for the numbers of every band.
+    fn is_held(&self) -> bool {
+        let rows = [&self.x, &self.image].map(|numbers| numbers.chunks((numbers.len() / self.bands).max(1)));
+        let greatest =
+            |numbers: &[f32]| numbers.iter().fold(0.0, |most: f32, x| if x.abs() <= most { most } else { x.abs() });
+        rows.into_iter().flatten().map(greatest).all(|most| most == 0.0 || (FAINT..f32::INFINITY).contains(&most))
     }
 
     /// The function and what arrives of it.
@@ -97,9 +103,9 @@ impl Product {
 pub(super) struct Products(Vec<Arc<Product>>);
 
 impl Products {
-    /// Adds a product, if so many bytes are enough for it, and it is one of numbers.
+    /// Adds a product, if so many bytes are enough for it, and single precision for its numbers.
     pub(super) fn keep(&mut self, product: &Arc<Product>, most_bytes: usize) {
-        if self.0.len() < MOST && self.bytes() + product.bytes() <= most_bytes && product.is_finite() {
+        if self.0.len() < MOST && self.bytes() + product.bytes() <= most_bytes && product.is_held() {
             self.0.push(Arc::clone(product));
         }
     }
@@ -157,6 +163,23 @@ mod tests {
             assert_eq!(product.multiple(&of(other)), None, "{other:?}");
         }
         assert_eq!(product.multiple(&of([0.0; 3])).expect("dark").as_slice(), [0.0; 3]);
+    }
+
+    #[test]
+    fn what_single_precision_has_no_digits_for_is_not_kept() {
+        for (numbers, held) in [
+            ([1e-20, 1e-45, 0.0], true),
+            ([0.0; 3], true),
+            ([1e-40, 0.0, 0.0], false),
+            ([1e40, 1.0, 0.0], false),
+            ([f64::NAN, 1.0, 0.0], false),
+        ] {
+            for (x, image) in [(of(numbers), of([1.0; 3])), (of([1.0; 3]), of(numbers))] {
+                let mut products = Products::default();
+                products.keep(&Arc::new(Product::new(&x, &image)), usize::MAX);
+                assert_eq!(products.0.len() == 1, held, "{numbers:?}");
+            }
+        }
     }
 
     #[test]

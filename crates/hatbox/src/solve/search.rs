@@ -54,8 +54,7 @@ pub fn search(
         // Of norm 1, as whoever keeps few digits of them wants it.
         let mut left = space.rest().clone();
         for (band, norm) in norms.into_iter().enumerate() {
-            let factor = if open[band] { 1.0 / norm } else { 0.0 };
-            left.band_mut(band).iter_mut().for_each(|x| *x *= factor);
+            left.band_mut(band).iter_mut().for_each(|x| *x = if open[band] { *x / norm } else { 0.0 });
         }
         space.extend(preconditioner.times(&left));
     }

@@ -233,9 +233,9 @@ impl Shaft {
 
     /// Whether a convex planar polygon with that unit normal blocks every segment of the shaft.
     ///
-    /// It does if it lies strictly between the two polygons, farther than `least` from either's corners along its normal, and each segment from a corner to a corner crosses it
-    /// strictly inside: the projection of one polygon onto its plane from any point of the other is the convex hull of
-    /// the projected corners.
+    /// It does if it lies strictly between the two polygons, its plane farther than `least` from the corners of either, and
+    /// each segment from a corner to a corner crosses it strictly inside: the projection of one polygon onto its plane from any
+    /// point of the other is the convex hull of the projected corners.
     pub fn fully_blocked_by(&self, blocker: &[DVec3], normal: DVec3, least: f64) -> bool {
         let least = least.max(self.touch);
         let height = |corner: DVec3| normal.dot(corner + self.origin - blocker[0]);

@@ -1,5 +1,7 @@
 //! Meshes to test on, as a file might hold them: every face with vertices of its own.
 
+#[allow(dead_code, reason = "not every test is about bodies")]
+pub(crate) mod bodies;
 #[allow(dead_code, reason = "not every test is about rooms")]
 pub(crate) mod rooms;
 #[allow(dead_code, reason = "not every test is about shadows")]

@@ -375,18 +375,14 @@ fn strong_sides(geometry: &Geometry<'_>, cells: &Cells, params: &Params) -> Vec<
 /// The area of a cell; of one farther from the middle of what does not shine than that is on average, as large as it looks from
 /// there at that distance: a sun is small, however far, and a sky wide.
 fn apparent_areas<'a>(cells: &'a Cells, params: &'a Params) -> impl Fn(usize) -> f64 + 'a {
-    let is_weak = |&cell: &usize| params.strengths.get(cell).is_none_or(|&strength| strength <= STRONG);
-    let mean = |of: &dyn Fn(usize) -> DVec3| {
-        let weak = (0..cells.len()).filter(is_weak);
-        let sum = weak
-            .fold((DVec3::ZERO, 0.0), |(sum, area), cell| (sum + cells.area(cell) * of(cell), area + cells.area(cell)));
-        if sum.1 > 0.0 { sum.0 / sum.1 } else { DVec3::INFINITY }
-    };
     let center = |cell: usize| cells.patch(cell).center();
-    let middle = mean(&center);
-    let square = mean(&|cell| DVec3::splat(center(cell).distance_squared(middle))).x;
+    let is_weak = |&cell: &usize| params.strengths.get(cell).is_none_or(|&strength| strength <= STRONG);
+    let weak = || (0..cells.len()).filter(is_weak);
+    let area: f64 = weak().map(|cell| cells.area(cell)).sum();
+    let middle = weak().map(|cell| cells.area(cell) * center(cell)).sum::<DVec3>() / area;
+    let square = weak().map(|cell| cells.area(cell) * center(cell).distance_squared(middle)).sum::<f64>() / area;
     move |cell| {
-        let shrunk = square / cells.patch(cell).center().distance_squared(middle);
+        let shrunk = square / center(cell).distance_squared(middle);
         // Where everything shines there is no middle.
         cells.area(cell) * if shrunk < 1.0 { shrunk } else { 1.0 }
     }
