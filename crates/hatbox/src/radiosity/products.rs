@@ -59,10 +59,12 @@ impl Product {
 
     /// Whether single precision has room for the numbers of every band.
     fn is_held(&self) -> bool {
-        let rows = [&self.x, &self.image].map(|numbers| numbers.chunks((numbers.len() / self.bands).max(1)));
-        let greatest =
-            |numbers: &[f32]| numbers.iter().fold(0.0, |most: f32, x| if x.abs() <= most { most } else { x.abs() });
-        rows.into_iter().flatten().map(greatest).all(|most| most == 0.0 || (FAINT..f32::INFINITY).contains(&most))
+        let are_held = |numbers: &[f32]| {
+            let greatest = |of_band: &[f32]| of_band.iter().fold(0.0, |most: f32, x| most.max(x.abs()));
+            let mut all = numbers.chunks((numbers.len() / self.bands).max(1)).map(greatest);
+            numbers.iter().all(|x| x.is_finite()) && all.all(|most| most == 0.0 || most >= FAINT)
+        };
+        are_held(&self.x) && are_held(&self.image)
     }
 
     /// The function and what arrives of it.
