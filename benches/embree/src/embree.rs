@@ -20,7 +20,7 @@ pub(crate) struct Ray {
     hit: [u32; 20],
 }
 
-/// `RTCRay16`.
+/// `RTCRay16`, and room behind it: version 4.4 goes ray by ray, and then reads what each has hit as well.
 #[repr(C, align(64))]
 #[derive(Clone, Copy)]
 pub(crate) struct Ray16 {
@@ -32,6 +32,7 @@ pub(crate) struct Ray16 {
     mask: [u32; 16],
     id: [u32; 16],
     flags: [u32; 16],
+    hit: [[u32; 16]; 20],
 }
 
 /// `RTCOccludedArguments`.
@@ -68,6 +69,7 @@ impl Ray16 {
             mask: [u32::MAX; 16],
             id: [0; 16],
             flags: [0; 16],
+            hit: [[u32::MAX; 16]; 20],
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The triangles of a leaf in f64, for the test that decides, of all of them at once.
+//! The triangles of a part of a leaf in f64, for the test that decides, of all of them at once.
 
 use super::build::LEAF;
 use super::exact::{Crossing, Ray, Triangle};

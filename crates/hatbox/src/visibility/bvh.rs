@@ -1,11 +1,10 @@
 use super::Visibility;
 use super::block::Block;
 use super::build::{DEPTH, Item, LEAF, Source, WIDTH, build, range};
-use super::closest::Query;
-use super::exact::{self, Ray, Triangle};
+use super::exact::{self, Line, Ray, Triangle};
 use super::lanes::{Lanes, Portable, Vector};
 use super::leaf::{Leaf, Probe};
-use super::node::{Frame, LEAF_BIT, Local, Node, Slabs};
+use super::node::{Frame, Local, Node, Slabs, parts};
 use super::packet::Segments;
 use super::pages::Pages;
 #[cfg(target_arch = "x86_64")]
@@ -17,21 +16,26 @@ use rayon::prelude::*;
 /// Pending nodes of a traversal: each level leaves at most all children but one.
 pub(super) const STACK: usize = DEPTH * (WIDTH - 1) + 1;
 
-/// A tree of boxes over triangles, eight children per node, four triangles per leaf.
+/// A tree of boxes over triangles: up to eight children per node, up to sixteen triangles per leaf, in parts of four.
 ///
 /// Triangles with coordinates that are not finite are never hit; triangles without area are never hit but can be
 /// nearest. Coordinates may lie anywhere between about 1e-100 and 1e100.
 #[derive(Debug, Clone)]
 pub struct Bvh {
     pub(super) nodes: Pages<Node>,
+    /// Parts of leaves.
     pub(super) leaves: Pages<Leaf>,
     /// The same triangles in f64.
     pub(super) blocks: Pages<Block>,
-    /// Where each triangle of the input is: leaf · [`LEAF`] + lane, or `u32::MAX` if it was not finite.
+    /// Where each triangle of the input is: part of a leaf · [`LEAF`] + lane, or `u32::MAX` if it was not finite.
     slots: Vec<u32>,
     pub(super) frame: Frame,
     instructions: Instructions,
 }
+
+/// One coordinate of where a ray begins, and of where it goes or ends. (Pairs of numbers are given to functions in registers,
+/// points in memory, where they are read in other widths than they were written, and waited for.)
+pub(super) type Along = (f64, f64);
 
 /// Where a ray meets a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -226,22 +230,34 @@ impl Bvh {
         t_max: f64,
         accept: impl Fn(u32, bool) -> bool,
     ) -> Option<Hit> {
-        let query = Query { origin, direction, end: t_max, accept: &accept };
-        dispatch!(self, closest, closest_avx2, closest_avx2, &query)
+        dispatch!(
+            self,
+            closest,
+            closest_avx2,
+            closest_avx2,
+            (origin.x, direction.x),
+            (origin.y, direction.y),
+            (origin.z, direction.z),
+            t_max,
+            &accept
+        )
     }
 
     /// [`Self::any`] compiled for AVX2.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn any_avx2(&self, avx2: Avx2, ends: [DVec3; 2], skip: [u32; 2]) -> bool {
-        self.any(avx2, ends, skip)
+    fn any_avx2(&self, avx2: Avx2, x: Along, y: Along, z: Along, skip: [u32; 2]) -> bool {
+        self.any(avx2, x, y, z, skip)
     }
 
     /// [`Self::closest`] compiled for AVX2.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn closest_avx2<A: Fn(u32, bool) -> bool>(&self, avx2: Avx2, query: &Query<A>) -> Option<Hit> {
-        self.closest(avx2, query)
+    fn closest_avx2<A>(&self, avx2: Avx2, x: Along, y: Along, z: Along, end: f64, accept: &A) -> Option<Hit>
+    where
+        A: Fn(u32, bool) -> bool,
+    {
+        self.closest(avx2, x, y, z, end, accept)
     }
 
     /// [`Self::any_of`] compiled for AVX2.
@@ -263,9 +279,9 @@ impl Bvh {
     /// The stack holds nodes and which of their children wait, so that nothing is done for children that are never
     /// visited.
     #[inline(always)]
-    fn any<L: Lanes>(&self, lanes: L, ends: [DVec3; 2], skip: [u32; 2]) -> bool {
-        let [from, to] = ends;
-        let Ok(local) = Local::new(self.frame, from, to - from, exact::guard(from, to)) else {
+    fn any<L: Lanes>(&self, lanes: L, x: Along, y: Along, z: Along, skip: [u32; 2]) -> bool {
+        let ends @ [from, to] = [DVec3::new(x.0, y.0, z.0), DVec3::new(x.1, y.1, z.1)];
+        let Ok(local) = Local::new(self.frame, &Line::new(from, to - from), exact::guard(from, to)) else {
             return self.any_of_all(ends, skip);
         };
         let (probe, slabs) = (Probe::new(&local, 1.0), Slabs::new(&local, 1.0));
@@ -313,20 +329,32 @@ impl Bvh {
         let leaves = &*self.leaves;
         while met != 0 {
             let rest = met & (met - 1);
-            let soon = (node.child(next(met, rest)) ^ LEAF_BIT) as usize;
+            let soon = *parts(node.child(next(met, rest))).start();
             lanes.prefetch(leaves.as_ptr().wrapping_add(soon).cast(), size_of::<Leaf>());
-            let here = (node.child(met.trailing_zeros()) ^ LEAF_BIT) as usize;
+            let here = parts(node.child(met.trailing_zeros()));
             met = rest;
-            let found = probe.judge(lanes, &leaves[here]);
-            let mut left = found.sure | found.doubtful;
-            while left != 0 {
-                let lane = left.trailing_zeros() as usize;
-                left &= left - 1;
-                if !skip.contains(&leaves[here].id[lane])
-                    && (found.sure >> lane & 1 != 0 || self.surely_blocks(here, lane, ends, skip))
-                {
+            for part in here {
+                if self.any_of_part(lanes, part, probe, ends, skip) {
                     return true;
                 }
+            }
+        }
+        false
+    }
+
+    /// Whether a triangle of a part of a leaf blocks a segment.
+    #[inline(always)]
+    fn any_of_part<L: Lanes>(&self, lanes: L, part: usize, probe: &Probe, ends: [DVec3; 2], skip: [u32; 2]) -> bool {
+        let leaf = &self.leaves[part];
+        let found = probe.judge(lanes, leaf);
+        let mut left = found.sure | found.doubtful;
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize;
+            left &= left - 1;
+            if !skip.contains(&leaf.id[lane])
+                && (found.sure >> lane & 1 != 0 || self.surely_blocks(part, lane, ends, skip))
+            {
+                return true;
             }
         }
         false
@@ -354,7 +382,7 @@ fn next(all: u32, rest: u32) -> u32 {
 
 impl Visibility for Bvh {
     fn occluded(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> bool {
-        dispatch!(self, any, any_avx2, any_avx2, [from, to], skip)
+        dispatch!(self, any, any_avx2, any_avx2, (from.x, to.x), (from.y, to.y), (from.z, to.z), skip)
     }
 
     fn occluded_packet(&self, from: &[DVec3], to: &[DVec3], skip: [u32; 2]) -> u32 {

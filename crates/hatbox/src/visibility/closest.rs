@@ -2,74 +2,72 @@
 //!
 //! Children are visited from the nearest on, leaves among them. Those of a node that wait are kept as eight numbers of
 //! sixteen bits, where each is entered, in one register: the nearest is found by one instruction, and nothing is sorted.
+//! The memory of the nearest is asked for as soon as they are known, which makes a twelfth of the speed in the caches.
 //! Leaves are tested in f64 at once. A test in f32 that leaves the decision to the end reads less, but then waits for
 //! the triangle that is hit, which by then is farther away than anything: that took a fifth of the time. Tried and
 //! dropped as well: the leaves among a node's children before its nodes, which visits more leaves; finer keys, and no early
-//! way out of leaves, which gain nothing.
+//! way out of leaves, which gain nothing; the memory of a leaf's other parts asked for ahead.
 
 use super::block::Block;
 use super::build::DEPTH;
-use super::bvh::{Bvh, Hit};
-use super::exact::{self, Crossing, Ray, Triangle};
+use super::bvh::{Along, Bvh, Hit};
+use super::exact::{self, Crossing, Line, Ray, Triangle};
 use super::lanes::{Lanes, NONE, key};
-use super::node::{LEAF_BIT, Local, Node, Slabs};
+use super::node::{LEAF_BIT, Local, Node, Slabs, parts};
 use glam::DVec3;
 
-/// What is asked for.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Query<'a, A> {
-    pub(super) origin: DVec3,
-    pub(super) direction: DVec3,
-    /// Crossings count for 0 < t < `end`.
-    pub(super) end: f64,
-    pub(super) accept: &'a A,
-}
+/// Children whose memory is asked for when their node is tested. With two as fast; with four a fifth slower.
+const AHEAD: usize = 3;
 
 impl Bvh {
-    /// The first acceptable crossing.
+    /// The first acceptable crossing with 0 < t < `end`. By axis, where the ray begins and where it goes.
     #[inline(always)]
-    pub(super) fn closest<L: Lanes, A: Fn(u32, bool) -> bool>(&self, lanes: L, query: &Query<A>) -> Option<Hit> {
-        let ray = Ray::open(query.origin, query.direction, query.end)?;
-        let guard = exact::guard(query.origin, query.origin);
-        let Ok(local) = Local::new(self.frame, query.origin, query.direction, guard) else {
-            return self.closest_of_all(lanes, &ray, query.accept);
+    pub(super) fn closest<L: Lanes, A: Fn(u32, bool) -> bool>(
+        &self,
+        lanes: L,
+        x: Along,
+        y: Along,
+        z: Along,
+        end: f64,
+        accept: &A,
+    ) -> Option<Hit> {
+        let (origin, direction) = (DVec3::new(x.0, y.0, z.0), DVec3::new(x.1, y.1, z.1));
+        let line = Line::new(origin, direction);
+        let ray = Ray::open(&line, end)?;
+        let Ok(local) = Local::new(self.frame, &line, exact::guard(origin, origin)) else {
+            return self.closest_of_all(lanes, &ray, accept);
         };
         let (nodes, blocks) = (&*self.nodes, &*self.blocks);
-        let mut slabs = Slabs::new(&local, query.end);
-        let mut best = None;
+        let (mut slabs, mut best) = (Slabs::new(&local, end), Best::NONE);
         let (mut queues, mut waiting, mut pending) = ([lanes.empty(); DEPTH], [[0_u32; 2]; DEPTH], 0);
-        let [enter, leave] = nodes.first()?.slabs(lanes, &slabs);
-        let (mut queue, mut index) = (lanes.queue(enter, leave), 0);
+        let (mut queue, mut index) = (nodes.first()?.queue(lanes, &slabs), 0);
         let mut first = lanes.first(queue);
         loop {
             if first & NONE > key(slabs.end) {
                 if pending == 0 {
-                    return best;
+                    return best.hit();
                 }
                 pending -= 1;
                 [index, first] = waiting[pending];
                 queue = queues[pending];
                 continue;
             }
-            let node = &nodes[index as usize];
-            let child = node.child(first >> 16);
+            let child = nodes[index as usize].child(first >> 16);
             queue = lanes.without(queue, first >> 16);
             first = lanes.first(queue);
-            let waits = first & NONE <= key(slabs.end);
-            prefetch(lanes, nodes, blocks, if waits { node.child(first >> 16) } else { child });
             if child & LEAF_BIT == 0 {
                 (queues[pending], waiting[pending]) = (queue, [index, first]);
-                pending += usize::from(waits);
+                pending += usize::from(first & NONE <= key(slabs.end));
                 index = child;
-                let [enter, leave] = nodes[index as usize].slabs(lanes, &slabs);
-                queue = lanes.queue(enter, leave);
+                queue = nodes[index as usize].queue(lanes, &slabs);
                 first = lanes.first(queue);
+                prefetch(lanes, nodes, blocks, &nodes[index as usize], queue);
                 continue;
             }
-            if nearer_in(lanes, &blocks[(child ^ LEAF_BIT) as usize], &ray, query.accept, &mut best)
-                && let Some(hit) = best
-            {
-                slabs.stop_at(local.length_to(hit.t) as f32);
+            for part in parts(child) {
+                if best.improve(lanes, &blocks[part], &ray, accept) {
+                    slabs.stop_at(local.length_to(best.t) as f32);
+                }
             }
         }
     }
@@ -77,58 +75,65 @@ impl Bvh {
     /// The decision for rays that f32 does not serve.
     #[cold]
     fn closest_of_all<L: Lanes>(&self, lanes: L, ray: &Ray, accept: &impl Fn(u32, bool) -> bool) -> Option<Hit> {
-        let mut best = None;
+        let mut best = Best::NONE;
         for block in self.blocks.iter() {
-            nearer_in(lanes, block, ray, accept, &mut best);
+            best.improve(lanes, block, ray, accept);
         }
-        best
+        best.hit()
     }
 }
 
-/// Replaces `best` by a crossing of a leaf's triangles if one is nearer, and says whether.
-#[inline(always)]
-fn nearer_in<L: Lanes>(
-    lanes: L,
-    block: &Block,
-    ray: &Ray,
-    accept: &impl Fn(u32, bool) -> bool,
-    best: &mut Option<Hit>,
-) -> bool {
-    let until = if let Some(best) = best { best.t } else { f64::INFINITY };
-    let (mut crossings, mut nearer) = (block.crossed_by(lanes, ray, until), false);
-    while let Some((lane, crossing)) = crossings.next() {
-        if let Some(hit) = ray.closer(&crossing, &block.triangle(lane), accept, best.as_ref()) {
-            (*best, nearer) = (Some(hit), true);
-        }
-    }
-    nearer
+/// The first crossing so far. What is divided is divided at the end.
+#[derive(Debug, Clone, Copy)]
+struct Best {
+    t: f64,
+    /// `u32::MAX` if there is none.
+    triangle: u32,
+    id: u32,
+    front: bool,
+    /// Edge functions of the second and third corner, and the sum of all.
+    edges: [f64; 2],
+    sum: f64,
 }
 
-/// Asks for the memory of a child. Without a branch: whether it is a leaf cannot be guessed.
-#[inline(always)]
-fn prefetch<L: Lanes>(lanes: L, nodes: &[Node], blocks: &[Block], child: u32) {
-    let node = nodes.as_ptr().wrapping_add(child as usize).cast();
-    let block = blocks.as_ptr().wrapping_add((child ^ LEAF_BIT) as usize).cast();
-    lanes.prefetch(if child & LEAF_BIT == 0 { node } else { block }, size_of::<Node>());
-}
+impl Best {
+    const NONE: Self =
+        Self { t: f64::INFINITY, triangle: u32::MAX, id: u32::MAX, front: false, edges: [0.0; 2], sum: 1.0 };
 
-impl Ray {
-    /// A crossing of a triangle, if it is acceptable and nearer than the `best`.
+    /// Takes a crossing of a leaf's triangles if one is nearer, and says whether.
     #[inline(always)]
-    fn closer(
-        &self,
-        crossing: &Crossing,
-        triangle: &Triangle,
-        accept: &impl Fn(u32, bool) -> bool,
-        best: Option<&Hit>,
-    ) -> Option<Hit> {
-        let &Crossing { edges, sum, t } = crossing;
-        let nearer = best.is_none_or(|best| (t, triangle.index) < (best.t, best.triangle));
-        let front = self.sees_front(sum);
-        if !nearer || !self.counts(triangle, t) || !accept(triangle.id, front) {
-            return None;
+    fn improve<L: Lanes>(&mut self, lanes: L, block: &Block, ray: &Ray, accept: &impl Fn(u32, bool) -> bool) -> bool {
+        let (mut crossings, mut nearer) = (block.crossed_by(lanes, ray, self.t), false);
+        while let Some((lane, Crossing { edges, sum, t })) = crossings.next() {
+            let (triangle, front) = (block.triangle(lane), ray.sees_front(sum));
+            let Triangle { index, id, .. } = triangle;
+            if (t, index) < (self.t, self.triangle) && ray.counts(&triangle, t) && accept(id, front) {
+                *self = Self { t, triangle: index, id, front, edges: [edges[1], edges[2]], sum };
+                nearer = true;
+            }
         }
-        let barycentric = [edges[1] / sum, edges[2] / sum];
-        Some(Hit { t, triangle: triangle.index, id: triangle.id, front, barycentric })
+        nearer
+    }
+
+    #[inline(always)]
+    fn hit(self) -> Option<Hit> {
+        let Self { t, triangle, id, front, edges, sum } = self;
+        let barycentric = [edges[0] / sum, edges[1] / sum];
+        (triangle != u32::MAX).then_some(Hit { t, triangle, id, front, barycentric })
+    }
+}
+
+/// Asks for the memory of the [`AHEAD`] nearest children of a node. Without a branch: which are leaves cannot be guessed.
+#[inline(always)]
+fn prefetch<L: Lanes>(lanes: L, nodes: &[Node], blocks: &[Block], node: &Node, mut queue: L::Queue) {
+    let nearest = lanes.first(queue);
+    let mut first = nearest;
+    for _ in 0..AHEAD {
+        let child = node.child(if first & NONE == NONE { nearest >> 16 } else { first >> 16 });
+        queue = lanes.without(queue, first >> 16);
+        first = lanes.first(queue);
+        let node = nodes.as_ptr().wrapping_add(child as usize).cast();
+        let block = blocks.as_ptr().wrapping_add(*parts(child).start()).cast();
+        lanes.prefetch(if child & LEAF_BIT == 0 { node } else { block }, size_of::<Node>());
     }
 }

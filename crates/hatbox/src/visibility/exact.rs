@@ -16,6 +16,33 @@ pub(super) struct Triangle {
     pub(super) id: u32,
 }
 
+/// The points origin + t · direction, and what all tests begin with.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Line {
+    pub(super) origin: DVec3,
+    pub(super) direction: DVec3,
+    /// How t changes with each coordinate: the inverse of the direction. (The only divisions of a ray.)
+    pub(super) pace: DVec3,
+    /// The axes in cyclic order, that along which the direction is longest last.
+    pub(super) axes: [usize; 3],
+}
+
+impl Line {
+    #[inline(always)]
+    pub(super) fn new(origin: DVec3, direction: DVec3) -> Self {
+        let pace = DVec3::new(1.0 / direction.x, 1.0 / direction.y, 1.0 / direction.z);
+        Self { origin, direction, pace, axes: axes(direction) }
+    }
+
+    /// Whether all its numbers are. (The sum of numbers is not if one of them is not; finite ones far beyond all that
+    /// [`super::Bvh`] promises may be refused too.)
+    #[inline(always)]
+    pub(super) fn is_finite(&self) -> bool {
+        let (o, d) = (self.origin, self.direction);
+        (o.x + o.y + o.z + d.x + d.y + d.z).is_finite()
+    }
+}
+
 /// A ray origin + t · direction, prepared for the watertight test: the axes are permuted so that the direction is
 /// longest along the last, and space is sheared so that it *is* the last.
 #[derive(Debug, Clone, Copy)]
@@ -47,31 +74,31 @@ pub(super) struct Crossing {
 /// The guard of a segment or, with `to` = `from`, of the beginning of a ray.
 #[inline(always)]
 pub(super) fn guard(from: DVec3, to: DVec3) -> f64 {
-    let size = from.abs().max(to.abs());
-    size.x.max(size.y).max(size.z) * (GUARD * f64::EPSILON)
+    let (a, b) = (from.abs(), to.abs());
+    let size = greater(greater(greater(a.x, a.y), a.z), greater(greater(b.x, b.y), b.z));
+    size * (GUARD * f64::EPSILON)
 }
 
 impl Ray {
     /// The segment between two points, t from 0 to 1; `None` if it has no direction.
     #[inline]
     pub(super) fn segment(from: DVec3, to: DVec3) -> Option<Self> {
-        Self::new(from, to - from, 1.0, guard(from, to), true)
+        Self::new(&Line::new(from, to - from), 1.0, guard(from, to), true)
     }
 
     /// The ray up to t = `end`, which may be infinite; `None` if it has no direction.
     #[inline(always)]
-    pub(super) fn open(origin: DVec3, direction: DVec3, end: f64) -> Option<Self> {
-        Self::new(origin, direction, end, guard(origin, origin), false)
+    pub(super) fn open(line: &Line, end: f64) -> Option<Self> {
+        Self::new(line, end, guard(line.origin, line.origin), false)
     }
 
     #[inline(always)]
-    fn new(origin: DVec3, direction: DVec3, end: f64, guard: f64, closed: bool) -> Option<Self> {
-        let axes = axes(direction);
-        let (d, o) = (direction.to_array(), origin.to_array());
+    fn new(line: &Line, end: f64, guard: f64, closed: bool) -> Option<Self> {
+        let &Line { origin, direction, pace, axes } = line;
         let [i, j, k] = axes;
-        let (d, start) = ([d[i], d[j], d[k]], [o[i], o[j], o[k]]);
-        let usable = d[2] != 0.0 && direction.is_finite() && origin.is_finite() && end > 0.0;
-        let shear = [d[0] / d[2], d[1] / d[2], 1.0 / d[2]];
+        let (d, o, pace) = (direction.to_array(), origin.to_array(), pace.to_array()[k]);
+        let (start, shear) = ([o[i], o[j], o[k]], [d[i] * pace, d[j] * pace, pace]);
+        let usable = d[k] != 0.0 && line.is_finite() && end > 0.0;
         usable.then_some(Self { direction, end, axes, start, shear, guard, closed })
     }
 
@@ -119,8 +146,12 @@ impl Ray {
         }
         let [a, b, c] = triangle.corners;
         let normal = (b - a).cross(c - a);
-        let (speed, guard) = (normal.dot(self.direction).abs(), self.guard * normal.length());
-        t * speed > guard && (!self.closed || (self.end - t) * speed > guard)
+        let speed = normal.dot(self.direction).abs();
+        let left = if self.closed { self.end - t } else { t };
+        let way = speed * lesser(t, left);
+        // The sum of magnitudes is no less than the length, and there is no root to wait for.
+        let size = normal.abs();
+        way > self.guard * (size.x + size.y + size.z) || way > self.guard * normal.length()
     }
 
     /// Whether a triangle that is not on a surface of `skip` crosses the ray between its ends.
@@ -134,6 +165,18 @@ impl Ray {
     pub(super) fn sees_front(&self, sum: f64) -> bool {
         (sum > 0.0) == (self.shear[2] > 0.0)
     }
+}
+
+/// The greater of two numbers; the second if one is NaN. (One instruction, unlike `f64::max`.)
+#[inline(always)]
+pub(super) fn greater(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// The lesser of two numbers; the second if one is NaN.
+#[inline(always)]
+pub(super) fn lesser(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
 }
 
 /// The axes in cyclic order, that along which the direction is longest last. (Without branches: which axis it is cannot

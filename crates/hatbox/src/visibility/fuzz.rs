@@ -1,6 +1,6 @@
 //! Every instruction set and the packets against the triangles one by one, on everything that is awkward.
 
-use super::exact::Crossing;
+use super::exact::{Crossing, Line};
 use super::tests::{Numbers, ids, segment, soup};
 use super::*;
 
@@ -12,7 +12,7 @@ fn trees(triangles: &[[DVec3; 3]]) -> Vec<Bvh> {
 
 /// The first crossing, by exact tests of all triangles.
 fn first_of_all(triangles: &[[DVec3; 3]], origin: DVec3, direction: DVec3, end: f64) -> Option<Hit> {
-    let ray = Ray::open(origin, direction, end)?;
+    let ray = Ray::open(&Line::new(origin, direction), end)?;
     let crossing = |(index, &corners): (usize, &[DVec3; 3])| {
         let triangle = Triangle { corners, index: index as u32, id: index as u32 };
         let Crossing { edges, sum, t } = ray.cross(&triangle)?;

@@ -24,7 +24,7 @@ use glam::DVec3;
 pub(super) const SHEAR: f64 = 3.0;
 const UNIT: f64 = 1.0 / 16_777_216.0;
 
-/// Up to [`LEAF`] triangles.
+/// A part of a leaf: up to [`LEAF`] triangles.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(super) struct Leaf {

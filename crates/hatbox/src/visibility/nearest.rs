@@ -1,6 +1,6 @@
 use super::bvh::{Bvh, STACK};
 use super::exact::Triangle;
-use super::node::LEAF_BIT;
+use super::node::{LEAF_BIT, parts};
 use glam::DVec3;
 
 /// The point of some triangles that is nearest to a given one.
@@ -45,7 +45,7 @@ impl Bvh {
                     pending += 1;
                     sink(&mut stack[first..pending]);
                 } else {
-                    self.nearer(point, (child ^ LEAF_BIT) as usize, &accept, &mut best);
+                    parts(child).for_each(|part| self.nearer(point, part, &accept, &mut best));
                 }
             }
         }

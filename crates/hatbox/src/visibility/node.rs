@@ -1,13 +1,28 @@
 //! Nodes of the tree, and rays as the test of all eight children at once wants them.
 
 use super::build::{Bounds, WIDTH};
-use super::exact;
+use super::exact::{Line, greater, lesser};
 use super::lanes::{Lanes, Vector};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
+use std::ops::RangeInclusive;
 
-/// Marks a child that is a leaf; the rest is its index.
+/// Marks a child that is a leaf.
 pub(super) const LEAF_BIT: u32 = 1 << 31;
+/// The bit above the index of a leaf's first part. From it on, up to [`LEAF_BIT`], the number of the parts after the first.
+const PARTS_BIT: u32 = 29;
+
+/// A child that is a leaf.
+pub(super) fn leaf(first: usize, parts: usize) -> u32 {
+    LEAF_BIT | ((parts - 1) as u32) << PARTS_BIT | first as u32
+}
+
+/// The parts of a child that is a leaf.
+#[inline(always)]
+pub(super) fn parts(child: u32) -> RangeInclusive<usize> {
+    let first = (child & ((1 << PARTS_BIT) - 1)) as usize;
+    first..=first + ((child ^ LEAF_BIT) >> PARTS_BIT) as usize
+}
 
 /// A rounding in f32, relative.
 const UNIT: f64 = 1.0 / 16_777_216.0;
@@ -59,6 +74,13 @@ impl Node {
     #[inline(always)]
     pub(super) fn child(&self, lane: u32) -> u32 {
         self.child[lane as usize % WIDTH]
+    }
+
+    /// The children that a ray may meet, by where it enters their boxes.
+    #[inline(always)]
+    pub(super) fn queue<L: Lanes>(&self, lanes: L, ray: &Slabs) -> L::Queue {
+        let [enter, leave] = self.slabs(lanes, ray);
+        lanes.queue(enter, leave)
     }
 
     /// Where a ray enters and leaves the boxes of the children; those that it enters no later than it leaves may be met.
@@ -189,35 +211,34 @@ pub(super) struct Local {
     most: f64,
     /// The axes, the longest of the direction last.
     pub(super) axes: [usize; 3],
-    /// [`exact::guard`] in these coordinates.
+    /// [`super::exact::guard`] in these coordinates.
     pub(super) guard: f64,
 }
 
 impl Local {
     /// [`Far`] if the ray has no direction, or f32 cannot tell where it goes.
     #[inline(always)]
-    pub(super) fn new(frame: Frame, origin: DVec3, direction: DVec3, guard: f64) -> Result<Self, Far> {
-        let axes = exact::axes(direction);
-        let size = direction.abs();
-        let longest = size.x.max(size.y).max(size.z);
-        let mut origin = frame.to_local(origin).to_array();
-        let reach = origin[0].abs().max(origin[1].abs()).max(origin[2].abs());
+    pub(super) fn new(frame: Frame, line: &Line, guard: f64) -> Result<Self, Far> {
+        let (size, paces) = (line.direction.abs(), line.pace.abs());
+        let longest = greater(greater(size.x, size.y), size.z);
+        let inverse = lesser(lesser(paces.x, paces.y), paces.z);
+        let mut origin = frame.to_local(line.origin).to_array();
+        let reach = greater(greater(origin[0].abs(), origin[1].abs()), origin[2].abs());
         let length = longest * frame.scale;
-        // The greatest of several numbers may be one while others are NaN; their sum is not. Below 1e-300 the inverse is
-        // not finite.
-        let known = (direction.x + direction.y + direction.z + origin[0] + origin[1] + origin[2]).is_finite();
-        if !(known && reach < FAR && longest > 1e-300 && length > 1e-30 && length < 1e30) {
+        // The greatest of several numbers may be one while others are NaN; their sum is not. Below 1e-290 the inverse of a
+        // coordinate that matters may not be finite.
+        let known = line.is_finite() && (origin[0] + origin[1] + origin[2]).is_finite();
+        if !(known && reach < FAR && longest > 1e-290 && length > 1e-30 && length < 1e30) {
             return Err(Far);
         }
-        let [x, y, z] = direction.to_array();
-        let pace = [longest / x, longest / y, longest / z];
-        let direction = (direction * (1.0 / longest)).to_array();
+        let pace = (line.pace * longest).to_array();
+        let direction = (line.direction * inverse).to_array();
         // Numbers one by one, since a structure that a call gives back would be waited for in memory by all rays.
         let (mut skipped, mut most) = (0.0, MOST);
         if reach > REACH {
             (origin, skipped, most) = approached(origin, direction);
         }
-        Ok(Self { origin, direction, pace, length, skipped, most, axes, guard: guard * frame.scale })
+        Ok(Self { origin, direction, pace, length, skipped, most, axes: line.axes, guard: guard * frame.scale })
     }
 
     /// The parameter at t, no more than where the scene surely ends.

@@ -4,7 +4,7 @@ use super::bvh::{Bvh, STACK};
 use super::exact::GUARD;
 use super::lanes::{Lanes, RAYS};
 use super::leaf::{Leaf, Probes};
-use super::node::{FAR, Hull, LEAF_BIT, Node};
+use super::node::{FAR, Hull, Node, parts};
 use glam::DVec3;
 
 /// Segments between two elements.
@@ -123,8 +123,9 @@ impl Bvh {
                 if packet.probes.slabs(lanes, &node.rows, lane) & left == 0 {
                     continue;
                 }
-                let leaf = (node.child[lane] ^ LEAF_BIT) as usize;
-                left &= !self.blocked_in(lanes, leaf, packet, segments, left);
+                for part in parts(node.child[lane]) {
+                    left &= !self.blocked_in(lanes, part, packet, segments, left);
+                }
                 if left == 0 {
                     return Some(packet.present);
                 }
@@ -140,7 +141,7 @@ impl Bvh {
         while leaves != 0 {
             let child = node.child[leaves.trailing_zeros() as usize];
             leaves &= leaves - 1;
-            lanes.prefetch((&raw const self.leaves[(child ^ LEAF_BIT) as usize]).cast(), size_of::<Leaf>());
+            lanes.prefetch((&raw const self.leaves[*parts(child).start()]).cast(), size_of::<Leaf>());
         }
         let mut inner = mask & !node.leaves;
         while inner != 0 {

@@ -1,6 +1,7 @@
+use super::block::Block;
 use super::build::WIDTH;
 use super::bvh::{Bvh, STACK};
-use super::node::{Frame, LEAF_BIT, Node};
+use super::node::{Frame, LEAF_BIT, Node, parts};
 use crate::mesh::polygon::area_vector;
 use arrayvec::ArrayVec;
 use glam::DVec3;
@@ -349,7 +350,7 @@ impl Bvh {
                     pending += 1;
                     continue;
                 }
-                for triangle in self.blocks[(child ^ LEAF_BIT) as usize].triangles() {
+                for triangle in self.blocks[parts(child)].iter().flat_map(Block::triangles) {
                     if !take(triangle.index, triangle.id, &triangle.corners) {
                         return false;
                     }
