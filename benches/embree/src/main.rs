@@ -87,6 +87,8 @@ fn rays(segments: &[[DVec3; 2]]) -> Vec<Ray> {
 struct Ring {
     name: &'static str,
     tree: Bvh,
+    /// Of the corners before they were rounded to single precision.
+    wide: Bvh,
     /// Robust, then as it is by default.
     scenes: [Scene; 2],
     segments: Vec<[DVec3; 2]>,
@@ -112,7 +114,7 @@ impl Ring {
     }
 
     fn single(&self, threads: usize) {
-        let (tree, [robust, plain]) = (&self.tree, &self.scenes);
+        let (tree, wide, [robust, plain]) = (&self.tree, &self.wide, &self.scenes);
         let any = on_threads(threads, &self.segments, |all, barrier| {
             let (mut a, mut b) = (rays(all), rays(all));
             contest(
@@ -141,10 +143,13 @@ impl Ring {
                     &mut |k| {
                         part_mut(&mut b, SEGMENTS, k).iter_mut().map(|ray| usize::from(plain.intersect(ray))).sum()
                     },
+                    &mut |k| part(all, SEGMENTS, k).iter().filter(|&&ends| closest(wide, ends)).count(),
                 ],
             )
         });
-        self.line("closest", threads, self.segments.len(), &closest);
+        let [ours, embree @ .., of_wide] = closest;
+        self.line("closest", threads, self.segments.len(), &[&[ours], &embree[..]].concat());
+        self.line("closest in f64", threads, self.segments.len(), &[&[of_wide], &embree[..]].concat());
     }
 
     /// Batches of sixteen; Embree's with the flag for coherent rays and without, whichever is faster.
@@ -231,9 +236,16 @@ fn build(path: &str, name: &str, triangles: &Triangles, threads: usize) -> Resul
     Ok(())
 }
 
+/// What single precision holds, as most files do, and Embree.
+fn rounded(triangles: &Triangles) -> Triangles {
+    triangles.iter().map(|triangle| triangle.map(|corner| corner.as_vec3().as_dvec3())).collect()
+}
+
 fn ring(path: &str, name: &'static str, triangles: &Triangles) -> Result<Ring, Box<dyn Error>> {
     let embree = Embree::load(path, 2)?;
     let ids: Vec<u32> = (0..triangles.len() as u32).collect();
+    let wide = Bvh::new(triangles, &ids);
+    let triangles = &rounded(triangles);
     let tree = Bvh::new(triangles, &ids);
     let scenes = [embree.scene(triangles, true)?, embree.scene(triangles, false)?];
     for scene in &scenes {
@@ -241,7 +253,7 @@ fn ring(path: &str, name: &'static str, triangles: &Triangles) -> Result<Ring, B
     }
     let segments = scenes::segments(1 << 17);
     let pairs = scenes::pairs(triangles, 1 << 14, name.starts_with("soup"));
-    Ok(Ring { name, tree, scenes, segments, pairs })
+    Ok(Ring { name, tree, wide, scenes, segments, pairs })
 }
 
 type Make = fn() -> Triangles;
@@ -265,7 +277,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // Embree's devices share their threads, as many as the greatest has: so what is on one thread comes first.
     for threads in counts.clone() {
         for (name, make) in all.iter().filter(|(name, _)| wanted(name)) {
-            build(&path, name, &make(), threads)?;
+            build(&path, name, &rounded(&make()), threads)?;
         }
     }
     for (name, make) in all.into_iter().filter(|(name, _)| wanted(name)) {

@@ -220,12 +220,12 @@ impl Subtree {
     }
 
     /// Writes the nodes and leaves in depth-first order; `at` is where the slices begin in the tree.
-    pub(super) fn write(
+    pub(super) fn write<B: Block>(
         &self,
         at: [usize; 2],
         nodes: &mut [Node],
         leaves: &mut [Leaf],
-        blocks: &mut [Block],
+        blocks: &mut [B],
         source: &Source,
     ) {
         let (own, mut nodes) = nodes.split_at_mut(1);
@@ -258,7 +258,7 @@ impl Subtree {
                 }
             }
         }
-        let go = |(subtree, at, nodes, leaves, blocks): (&Self, [usize; 2], &mut [Node], &mut [Leaf], &mut [Block])| {
+        let go = |(subtree, at, nodes, leaves, blocks): (&Self, [usize; 2], &mut [Node], &mut [Leaf], &mut [B])| {
             subtree.write(at, nodes, leaves, blocks, source);
         };
         if self.items >= PARALLEL { below.into_par_iter().for_each(go) } else { below.into_iter().for_each(go) }
@@ -275,8 +275,8 @@ pub(super) struct Source<'a> {
 
 impl Source<'_> {
     /// The part of a leaf that consists of some items, in both forms.
-    fn leaf(&self, items: &[Item]) -> (Leaf, Block) {
-        let (mut leaf, mut block) = (Leaf::EMPTY, Block::EMPTY);
+    fn leaf<B: Block>(&self, items: &[Item]) -> (Leaf, B) {
+        let (mut leaf, mut block) = (Leaf::EMPTY, B::EMPTY);
         for (lane, item) in items.iter().enumerate() {
             let index = item.index();
             let triangle = Triangle { corners: self.triangles[index as usize], index, id: self.ids[index as usize] };

@@ -1,5 +1,5 @@
 use super::Visibility;
-use super::block::Block;
+use super::block::{Blocks, is_single};
 use super::build::{DEPTH, Item, LEAF, Source, WIDTH, build, range};
 use super::exact::{self, Line, Ray, Triangle};
 use super::lanes::{Lanes, Portable, Vector};
@@ -26,7 +26,7 @@ pub struct Bvh {
     /// Parts of leaves.
     pub(super) leaves: Pages<Leaf>,
     /// The same triangles in f64.
-    pub(super) blocks: Pages<Block>,
+    pub(super) blocks: Blocks,
     /// Where each triangle of the input is: part of a leaf · [`LEAF`] + lane, or `u32::MAX` if it was not finite.
     slots: Vec<u32>,
     pub(super) frame: Frame,
@@ -131,7 +131,7 @@ impl Bvh {
         let mut bvh = Self {
             nodes: Pages::zeroed(0),
             leaves: Pages::zeroed(0),
-            blocks: Pages::zeroed(0),
+            blocks: Blocks::zeroed(0, true),
             slots: vec![u32::MAX; triangles.len()],
             frame,
             instructions: Instructions::detect(InstructionSet::Avx512),
@@ -146,12 +146,16 @@ impl Bvh {
         let root = build(items);
         self.nodes = Pages::zeroed(root.nodes);
         self.leaves = Pages::zeroed(root.leaves);
-        self.blocks = Pages::zeroed(root.leaves);
+        let single = items.par_iter().all(|item| is_single(&triangles[item.index() as usize]));
+        self.blocks = Blocks::zeroed(root.leaves, single);
         let source = Source { items, triangles, ids, frame: self.frame };
-        root.write([0, 0], &mut self.nodes, &mut self.leaves, &mut self.blocks, &source);
-        for (leaf, block) in self.blocks.iter().enumerate() {
-            for (lane, triangle) in block.triangles().enumerate() {
-                self.slots[triangle.index as usize] = (leaf * LEAF + lane) as u32;
+        match &mut self.blocks {
+            Blocks::Wide(blocks) => root.write([0, 0], &mut self.nodes, &mut self.leaves, blocks, &source),
+            Blocks::Narrow(blocks) => root.write([0, 0], &mut self.nodes, &mut self.leaves, blocks, &source),
+        }
+        for part in 0..self.blocks.len() {
+            for (lane, triangle) in self.blocks.triangles(part).enumerate() {
+                self.slots[triangle.index as usize] = (part * LEAF + lane) as u32;
             }
         }
     }
@@ -198,7 +202,7 @@ impl Bvh {
 
     /// Memory in bytes.
     pub fn bytes(&self) -> usize {
-        size_of_val(&*self.nodes) + size_of_val(&*self.leaves) + size_of_val(&*self.blocks) + size_of_val(&*self.slots)
+        size_of_val(&*self.nodes) + size_of_val(&*self.leaves) + self.blocks.bytes() + size_of_val(&*self.slots)
     }
 
     /// The corners of a triangle and the id of its surface; `None` if it does not exist or is not finite.
@@ -208,8 +212,8 @@ impl Bvh {
     }
 
     fn exact(&self, index: u32) -> Option<Triangle> {
-        let slot = *self.slots.get(index as usize)? as usize;
-        self.blocks.get(slot / LEAF).map(|block| block.triangle(slot % LEAF))
+        let slot = *self.slots.get(index as usize)?;
+        (slot != u32::MAX).then(|| self.blocks.triangle(slot as usize / LEAF, slot as usize % LEAF))
     }
 
     /// Whether one of the `candidates`, indices of triangles, crosses the segment strictly between its ends: the same
@@ -363,13 +367,13 @@ impl Bvh {
     /// The decision in f64, out of the way of the loop.
     #[inline(never)]
     pub(super) fn surely_blocks(&self, leaf: usize, lane: usize, [from, to]: [DVec3; 2], skip: [u32; 2]) -> bool {
-        Ray::segment(from, to).is_some_and(|ray| ray.blocked_by(&self.blocks[leaf].triangle(lane), skip))
+        Ray::segment(from, to).is_some_and(|ray| ray.blocked_by(&self.blocks.triangle(leaf, lane), skip))
     }
 
     /// The decision for segments that f32 does not serve.
     #[cold]
     fn any_of_all(&self, [from, to]: [DVec3; 2], skip: [u32; 2]) -> bool {
-        let mut all = self.blocks.iter().flat_map(Block::triangles);
+        let mut all = self.blocks.all();
         Ray::segment(from, to).is_some_and(|ray| all.any(|triangle| ray.blocked_by(&triangle, skip)))
     }
 }

@@ -8,7 +8,7 @@
 //! dropped as well: the leaves among a node's children before its nodes, which visits more leaves; finer keys, and no early
 //! way out of leaves, which gain nothing; the memory of a leaf's other parts asked for ahead.
 
-use super::block::Block;
+use super::block::{Block, Blocks};
 use super::build::DEPTH;
 use super::bvh::{Along, Bvh, Hit};
 use super::exact::{self, Crossing, Line, Ray, Triangle};
@@ -37,8 +37,23 @@ impl Bvh {
         let Ok(local) = Local::new(self.frame, &line, exact::guard(origin, origin)) else {
             return self.closest_of_all(lanes, &ray, accept);
         };
-        let (nodes, blocks) = (&*self.nodes, &*self.blocks);
-        let (mut slabs, mut best) = (Slabs::new(&local, end), Best::NONE);
+        match &self.blocks {
+            Blocks::Wide(blocks) => self.walk(lanes, blocks, &local, &ray, accept),
+            Blocks::Narrow(blocks) => self.walk(lanes, blocks, &local, &ray, accept),
+        }
+    }
+
+    #[inline(always)]
+    fn walk<L: Lanes, B: Block>(
+        &self,
+        lanes: L,
+        blocks: &[B],
+        local: &Local,
+        ray: &Ray,
+        accept: &impl Fn(u32, bool) -> bool,
+    ) -> Option<Hit> {
+        let nodes = &*self.nodes;
+        let (mut slabs, mut best) = (Slabs::new(local, ray.end), Best::NONE);
         let (mut queues, mut waiting, mut pending) = ([lanes.empty(); DEPTH], [[0_u32; 2]; DEPTH], 0);
         let (mut queue, mut index) = (nodes.first()?.queue(lanes, &slabs), 0);
         let mut first = lanes.first(queue);
@@ -65,7 +80,7 @@ impl Bvh {
                 continue;
             }
             for part in parts(child) {
-                if best.improve(lanes, &blocks[part], &ray, accept) {
+                if best.improve(lanes, &blocks[part], ray, accept) {
                     slabs.stop_at(local.length_to(best.t) as f32);
                 }
             }
@@ -76,8 +91,9 @@ impl Bvh {
     #[cold]
     fn closest_of_all<L: Lanes>(&self, lanes: L, ray: &Ray, accept: &impl Fn(u32, bool) -> bool) -> Option<Hit> {
         let mut best = Best::NONE;
-        for block in self.blocks.iter() {
-            best.improve(lanes, block, ray, accept);
+        match &self.blocks {
+            Blocks::Wide(blocks) => blocks.iter().for_each(|block| _ = best.improve(lanes, block, ray, accept)),
+            Blocks::Narrow(blocks) => blocks.iter().for_each(|block| _ = best.improve(lanes, block, ray, accept)),
         }
         best.hit()
     }
@@ -102,7 +118,13 @@ impl Best {
 
     /// Takes a crossing of a leaf's triangles if one is nearer, and says whether.
     #[inline(always)]
-    fn improve<L: Lanes>(&mut self, lanes: L, block: &Block, ray: &Ray, accept: &impl Fn(u32, bool) -> bool) -> bool {
+    fn improve<L: Lanes>(
+        &mut self,
+        lanes: L,
+        block: &impl Block,
+        ray: &Ray,
+        accept: &impl Fn(u32, bool) -> bool,
+    ) -> bool {
         let (mut crossings, mut nearer) = (block.crossed_by(lanes, ray, self.t), false);
         while let Some((lane, Crossing { edges, sum, t })) = crossings.next() {
             let (triangle, front) = (block.triangle(lane), ray.sees_front(sum));
@@ -125,7 +147,7 @@ impl Best {
 
 /// Asks for the memory of the [`AHEAD`] nearest children of a node. Without a branch: which are leaves cannot be guessed.
 #[inline(always)]
-fn prefetch<L: Lanes>(lanes: L, nodes: &[Node], blocks: &[Block], node: &Node, mut queue: L::Queue) {
+fn prefetch<L: Lanes>(lanes: L, nodes: &[Node], blocks: &[impl Block], node: &Node, mut queue: L::Queue) {
     let nearest = lanes.first(queue);
     let mut first = nearest;
     for _ in 0..AHEAD {

@@ -49,7 +49,7 @@ impl Line {
 pub(super) struct Ray {
     direction: DVec3,
     /// Crossings count for 0 < t < `end`.
-    end: f64,
+    pub(super) end: f64,
     pub(super) axes: [usize; 3],
     /// The origin, axes permuted.
     pub(super) start: [f64; 3],

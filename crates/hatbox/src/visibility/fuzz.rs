@@ -91,7 +91,12 @@ fn fuzz(seed: u64, rounds: usize) {
         let (scale, shift) =
             [(1.0, 0.0), (1e-90, 0.0), (1e60, 0.0), (1.0, 1e6), (1e-3, 1e9), (3.7, -0.1)][numbers.below(6)];
         let place = |p: DVec3| p * scale + DVec3::new(shift, -shift, 0.5 * shift);
-        let triangles: Vec<_> = local.iter().map(|t| t.map(place)).collect();
+        // Half of all scenes are such as single precision holds, where it goes so far.
+        let kept = |p: DVec3| {
+            let single = p.as_vec3().as_dvec3();
+            if kind >= 12 && single.is_finite() && single != DVec3::ZERO { single } else { p }
+        };
+        let triangles: Vec<_> = local.iter().map(|t| t.map(|p| kept(place(p)))).collect();
         let trees = trees(&triangles);
         for round in 0..rounds {
             let mut ends = bundle(&local, &mut numbers, place);

@@ -73,6 +73,7 @@ pub(super) trait Lanes: Copy {
     fn rays(self, values: &[f32; RAYS]) -> Self::Rays;
     fn rays_splat(self, value: f32) -> Self::Rays;
     fn doubles(self, values: &[f64; LEAF]) -> Self::Doubles;
+    fn doubles_of_singles(self, values: &[f32; LEAF]) -> Self::Doubles;
     fn doubles_splat(self, value: f64) -> Self::Doubles;
     /// No children.
     fn empty(self) -> Self::Queue;
@@ -201,6 +202,11 @@ impl Lanes for Portable {
     #[inline(always)]
     fn doubles(self, values: &[f64; LEAF]) -> Self::Doubles {
         Array(*values)
+    }
+    #[inline(always)]
+    fn doubles_of_singles(self, values: &[f32; LEAF]) -> Self::Doubles {
+        let [a, b, c, d] = *values;
+        Array([a.into(), b.into(), c.into(), d.into()])
     }
     #[inline(always)]
     fn doubles_splat(self, value: f64) -> Self::Doubles {

@@ -54,7 +54,7 @@ impl Bvh {
 
     /// Replaces `best` by the nearest point of a leaf's triangles if that is nearer.
     fn nearer(&self, point: DVec3, leaf: usize, accept: &impl Fn(u32) -> bool, best: &mut Option<Nearest>) {
-        for Triangle { corners, index: triangle, .. } in self.blocks[leaf].triangles() {
+        for Triangle { corners, index: triangle, .. } in self.blocks.triangles(leaf) {
             if !accept(triangle) {
                 continue;
             }

@@ -1,4 +1,3 @@
-use super::block::Block;
 use super::build::WIDTH;
 use super::bvh::{Bvh, STACK};
 use super::node::{Frame, LEAF_BIT, Node, parts};
@@ -350,7 +349,7 @@ impl Bvh {
                     pending += 1;
                     continue;
                 }
-                for triangle in self.blocks[parts(child)].iter().flat_map(Block::triangles) {
+                for triangle in parts(child).flat_map(|part| self.blocks.triangles(part)) {
                     if !take(triangle.index, triangle.id, &triangle.corners) {
                         return false;
                     }

@@ -110,6 +110,28 @@ fn the_tree_does_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
+fn corners_that_single_precision_holds_are_kept_in_it_and_hit_the_same() {
+    let mut numbers = Numbers(12);
+    let single = |corner: DVec3| corner.as_vec3().as_dvec3();
+    let mut triangles: Vec<[DVec3; 3]> = soup(500, &mut numbers).iter().map(|t| t.map(single)).collect();
+    // One more, that no ray meets, in both trees.
+    triangles.push([DVec3::splat(1.1); 3].map(single));
+    let narrow = Bvh::new(&triangles, &ids(&triangles));
+    triangles[500] = [DVec3::splat(1.1); 3];
+    let wide = Bvh::new(&triangles, &ids(&triangles));
+    assert!(narrow.bytes() < wide.bytes());
+    let mut hits = 0;
+    for _ in 0..2000 {
+        let ((from, to), skip) = (segment(&triangles[..500], &mut numbers), [u32::MAX; 2]);
+        let first = |tree: &Bvh| tree.closest_hit(from, to - from, 1.0, |_, _| true);
+        assert_eq!(first(&narrow), first(&wide));
+        assert_eq!(narrow.occluded(from, to, skip), wide.occluded(from, to, skip));
+        hits += usize::from(first(&wide).is_some());
+    }
+    assert!(hits > 500, "{hits}");
+}
+
+#[test]
 fn candidates_give_the_same_answer_as_the_tree() {
     let mut numbers = Numbers(2);
     let triangles = soup(200, &mut numbers);

@@ -7,10 +7,10 @@ use std::arch::x86_64::{
     _mm_cmp_ps, _mm_cvtsi128_si32, _mm_fmsub_ps, _mm_fnmadd_ps, _mm_loadu_ps, _mm_loadu_si128, _mm_max_ps, _mm_min_ps,
     _mm_minpos_epu16, _mm_movemask_ps, _mm_mul_ps, _mm_or_si128, _mm_packus_epi32, _mm_prefetch, _mm_set1_epi16,
     _mm_set1_ps, _mm_sub_ps, _mm256_add_pd, _mm256_add_ps, _mm256_andnot_ps, _mm256_castps_si256,
-    _mm256_castsi256_si128, _mm256_cmp_pd, _mm256_cmp_ps, _mm256_div_pd, _mm256_extracti128_si256, _mm256_fmsub_ps,
-    _mm256_fnmadd_ps, _mm256_loadu_pd, _mm256_loadu_ps, _mm256_max_pd, _mm256_max_ps, _mm256_min_pd, _mm256_min_ps,
-    _mm256_movemask_pd, _mm256_movemask_ps, _mm256_mul_pd, _mm256_mul_ps, _mm256_or_ps, _mm256_set1_pd, _mm256_set1_ps,
-    _mm256_srli_epi32, _mm256_storeu_pd, _mm256_sub_pd, _mm256_sub_ps, _mm512_abs_ps, _mm512_add_ps,
+    _mm256_castsi256_si128, _mm256_cmp_pd, _mm256_cmp_ps, _mm256_cvtps_pd, _mm256_div_pd, _mm256_extracti128_si256,
+    _mm256_fmsub_ps, _mm256_fnmadd_ps, _mm256_loadu_pd, _mm256_loadu_ps, _mm256_max_pd, _mm256_max_ps, _mm256_min_pd,
+    _mm256_min_ps, _mm256_movemask_pd, _mm256_movemask_ps, _mm256_mul_pd, _mm256_mul_ps, _mm256_or_ps, _mm256_set1_pd,
+    _mm256_set1_ps, _mm256_srli_epi32, _mm256_storeu_pd, _mm256_sub_pd, _mm256_sub_ps, _mm512_abs_ps, _mm512_add_ps,
     _mm512_cmp_ps_mask, _mm512_fmsub_ps, _mm512_fnmadd_ps, _mm512_loadu_ps, _mm512_max_ps, _mm512_min_ps,
     _mm512_mul_ps, _mm512_set1_ps, _mm512_sub_ps,
 };
@@ -285,6 +285,11 @@ impl Lanes for Avx2 {
         FourDoubles(unsafe { _mm256_loadu_pd(values.as_ptr()) })
     }
     #[inline(always)]
+    fn doubles_of_singles(self, values: &[f32; LEAF]) -> FourDoubles {
+        // SAFETY: as above.
+        FourDoubles(unsafe { _mm256_cvtps_pd(_mm_loadu_ps(values.as_ptr())) })
+    }
+    #[inline(always)]
     fn doubles_splat(self, value: f64) -> FourDoubles {
         // SAFETY: `self` proves that the processor has the feature.
         FourDoubles(unsafe { _mm256_set1_pd(value) })
@@ -364,6 +369,10 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn doubles(self, values: &[f64; LEAF]) -> FourDoubles {
         self.0.doubles(values)
+    }
+    #[inline(always)]
+    fn doubles_of_singles(self, values: &[f32; LEAF]) -> FourDoubles {
+        self.0.doubles_of_singles(values)
     }
     #[inline(always)]
     fn doubles_splat(self, value: f64) -> FourDoubles {
