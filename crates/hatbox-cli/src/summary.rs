@@ -218,6 +218,12 @@ pub(crate) fn factors(path: &Path, found: &ViewFactors, done: &Factors, style: S
         "Error",
         &format!("estimated: quadrature {}, visibility {}", small(done.quadrature_error), small(done.visibility_error)),
     );
+    if !done.reached {
+        let asked = small(done.tolerance);
+        lines.more(&format!(
+            "more than the {asked} that was asked for; smaller elements have less between them (--elements)"
+        ));
+    }
     lines.more(&format!(
         "found: reciprocity {} in the matrix, {} of pairs integrated the other way round",
         small(done.max_reciprocity_error),

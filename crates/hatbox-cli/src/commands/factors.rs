@@ -50,6 +50,10 @@ pub(crate) struct Done {
     pub(crate) quadrature_error: f64,
     /// Estimated relative error of the worst row's sum from sampled visibility.
     pub(crate) visibility_error: f64,
+    /// Relative error of a row's sum that was asked for.
+    pub(crate) tolerance: f64,
+    /// Whether no row is estimated to err by more.
+    pub(crate) reached: bool,
     /// Memory of the exchange areas.
     pub(crate) bytes: usize,
     /// The memory that was expected to be needed.
@@ -236,6 +240,8 @@ fn done(found: &ViewFactors) -> Done {
         clear_pairs: statistics.clear_pairs,
         quadrature_error: statistics.quadrature_error,
         visibility_error: statistics.visibility_error,
+        tolerance: found.tolerance,
+        reached: found.is_reached(),
         bytes: found.bytes(),
         estimated_bytes: 0,
         available_bytes: None,

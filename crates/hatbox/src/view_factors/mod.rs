@@ -43,6 +43,9 @@ const BLOCK: usize = 32;
 const BLOCKS: usize = 2;
 /// So many pairs are integrated a second time, the other way round.
 const REVERSED: u64 = 32;
+/// The most rays of a pair behind more polygons than are cut out. Four times as many hardly help large elements that share an
+/// edge: most of what rays find of them lies next to the edge, where nothing is hidden.
+const MAX_RAYS: u32 = 1 << 20;
 /// The most rays that measure what escapes when a closure needs it, unless there are very many elements: some seconds.
 const MAX_ESCAPE_RAYS: f64 = 4e6;
 
@@ -170,6 +173,8 @@ pub struct ViewFactors {
     pub escape: f64,
     /// What the exchange areas cost and how far they may be wrong.
     pub statistics: Statistics,
+    /// What was asked for.
+    pub tolerance: f64,
     /// The greatest difference between an exchange area and the same integral with the roles of its two elements
     /// exchanged, over a sample of pairs; relative to the greater of A_i F_ij and A_i A_j / A, which is what the tolerance
     /// refers to. It is an error of the integrals: the matrix itself is symmetric.
@@ -204,7 +209,7 @@ impl ViewFactors {
         let escapes = escapes(&geometry, options, progress)?;
         let standard = exchange::Params::new(options.tolerance);
         let memory = options.memory.map_or(standard.memory, |limit| limit as usize);
-        let params = exchange::Params { every_row: true, seed: options.seed, memory, ..standard };
+        let params = exchange::Params { every_row: true, max_rays: MAX_RAYS, seed: options.seed, memory, ..standard };
         let dense = Dense::new(&geometry, &params, progress)?;
         let source = Source { geometry, accuracy: params.accuracy(panels) };
         let (statistics, reversed_error) = (dense.statistics(), source.reversed_error(&dense));
@@ -214,6 +219,7 @@ impl ViewFactors {
             elements: panels.len(),
             escape: mean(panels, &escapes.fractions),
             statistics,
+            tolerance: options.tolerance,
             reversed_error,
             meshing,
             closure: None,
@@ -320,6 +326,15 @@ impl ViewFactors {
             let blocks = (first..n.min(first + most)).into_par_iter().step_by(BLOCK);
             blocks.flat_map_iter(|start| of(start..n.min(start + BLOCK))).collect::<Vec<T>>()
         })
+    }
+
+    /// Whether neither rules nor rays are estimated to err by more than was asked for in any row. If rays do, pairs have had
+    /// [`MAX_RAYS`], and only smaller elements help, which have less between them.
+    pub fn is_reached(&self) -> bool {
+        // Where every pair errs by what it may, so does the row, but for rounding.
+        const ROUNDING: f64 = 1e-6;
+        let Statistics { quadrature_error, visibility_error, .. } = self.statistics;
+        quadrature_error.max(visibility_error) <= self.tolerance * (1.0 + ROUNDING)
     }
 
     /// Whether no ray leaves the scene.

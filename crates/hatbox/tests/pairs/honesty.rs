@@ -52,6 +52,14 @@ impl Scene {
         pair_block(&self.a, &self.b, Sight::Behind(&polygons), [1.0; 2], &accuracy)
     }
 
+    /// The block if rays have to tell what is hidden.
+    fn sampled(&self, tolerance: f64) -> Block {
+        let hidden = |x: DVec3, y: DVec3| u32::from(self.blockers.iter().any(|polygon| crosses(x, y, polygon)));
+        let hides = |x: &[DVec3], y: &[DVec3]| (0..x.len()).map(|k| hidden(x[k], y[k]) << k).sum();
+        let accuracy = Accuracy::new(tolerance, 8.0 * (self.a.area() + self.b.area()));
+        pair_block(&self.a, &self.b, Sight::Partial(&hides), [1.0; 2], &accuracy)
+    }
+
     fn clear(&self) -> f64 {
         pair_block(&self.a, &self.b, Sight::Clear, [1.0; 2], &Accuracy::new(1e-6, 1e3)).sum()
     }
@@ -131,8 +139,8 @@ fn distance(p: &Block, q: &Block) -> f64 {
     p.values().iter().zip(q.values()).map(|(p, q)| (p - q).abs()).sum()
 }
 
-/// Checks the pairs of a basis that have something in between.
-fn check(basis: &Basis, pairs: usize, first_seed: u64) {
+/// Checks the pairs of a basis that have something in between, against very accurate ones.
+fn check(basis: &Basis, pairs: usize, first_seed: u64, block: impl Fn(&Scene, f64) -> Block) {
     let mut found = 0;
     let mut failures = [const { Vec::new() }; TOLERANCES.len()];
     for seed in first_seed.. {
@@ -147,7 +155,7 @@ fn check(basis: &Basis, pairs: usize, first_seed: u64) {
             scene.assert_like_rays(&truth);
         }
         for (tolerance, failures) in TOLERANCES.into_iter().zip(&mut failures) {
-            let coarse = scene.block(tolerance);
+            let coarse = block(&scene, tolerance);
             let (error, reported) = (distance(&coarse, &truth), coarse.quadrature_error + coarse.visibility_error);
             if error > reported + 1e-12 * clear {
                 failures
@@ -171,15 +179,22 @@ fn check(basis: &Basis, pairs: usize, first_seed: u64) {
 #[test]
 fn the_error_of_hidden_pairs_is_within_the_estimate() {
     assert!(ALL[1].element(Shape::Triangle).is_some_and(|element| element.degree == 1));
-    check(&ALL[0], PAIRS, 0);
-    check(&ALL[1], PAIRS / 3, 1_000_000);
+    check(&ALL[0], PAIRS, 0, Scene::block);
+    check(&ALL[1], PAIRS / 3, 1_000_000, Scene::block);
+}
+
+/// Four sets of rays, with twice their standard error, reported too little for 22 of these pairs at 1 %.
+#[test]
+fn the_error_of_pairs_left_to_rays_is_within_the_estimate() {
+    check(&ALL[0], 2 * PAIRS, 5_000_000, Scene::sampled);
 }
 
 #[test]
 #[ignore = "minutes, for thousands of pairs: cargo test --release -p hatbox --test pairs -- --ignored"]
 fn the_error_of_many_hidden_pairs_is_within_the_estimate() {
-    check(&ALL[0], MANY, 2_000_000);
-    check(&ALL[1], MANY / 4, 3_000_000);
+    check(&ALL[0], MANY, 2_000_000, Scene::block);
+    check(&ALL[1], MANY / 4, 3_000_000, Scene::block);
+    check(&ALL[0], MANY, 4_000_000, Scene::sampled);
 }
 
 /// A corner of the blocker is 3e-17 under the plane of a panel, where clipping left an edge without a direction, whose side of
