@@ -219,10 +219,9 @@ pub(crate) fn factors(path: &Path, found: &ViewFactors, done: &Factors, style: S
         &format!("estimated: quadrature {}, visibility {}", small(done.quadrature_error), small(done.visibility_error)),
     );
     if !done.reached {
-        let asked = small(done.tolerance);
-        lines.more(&format!(
-            "more than the {asked} that was asked for; smaller elements have less between them (--elements)"
-        ));
+        let shadows = done.visibility_error > done.tolerance;
+        let advice = if shadows { "; smaller elements have less between them (--elements)" } else { "" };
+        lines.more(&format!("more than the {} that was asked for{advice}", small(done.tolerance)));
     }
     lines.more(&format!(
         "found: reciprocity {} in the matrix, {} of pairs integrated the other way round",

@@ -217,6 +217,13 @@ fn factors_of_the_cube() {
     assert!(outputs.iter().all(|output| output.metadata().is_ok_and(|file| file.len() > 0)));
     let summary = text(&succeed(hatbox().arg("factors").arg(sample(CUBE)).arg("--groups=material")).stdout);
     assert!(summary.contains("in 2 groups") && summary.contains("ceiling"), "{summary}");
+    assert_eq!((report["tolerance"].as_f64(), report["reached"].as_bool()), (Some(1e-6), Some(true)));
+    assert!(!summary.contains("that was asked for"), "{summary}");
+    let asked = ["--tolerance", "1e-15"];
+    let report = json(hatbox().arg("factors").arg(sample(CUBE)).arg("--json").args(asked));
+    assert_eq!(report["reached"].as_bool(), Some(false), "{report:#}");
+    let summary = text(&succeed(hatbox().arg("factors").arg(sample(CUBE)).args(asked)).stdout);
+    assert!(summary.contains("more than the 1.0e-15 that was asked for"), "{summary}");
 }
 
 #[test]

@@ -52,7 +52,7 @@ pub(crate) struct Done {
     pub(crate) visibility_error: f64,
     /// Relative error of a row's sum that was asked for.
     pub(crate) tolerance: f64,
-    /// Whether no row is estimated to err by more.
+    /// Whether neither quadrature nor visibility is estimated to err by more in any row.
     pub(crate) reached: bool,
     /// Memory of the exchange areas.
     pub(crate) bytes: usize,

@@ -146,6 +146,7 @@ mod tests {
             elements: 2,
             escape: 0.0,
             statistics: crate::exchange::Statistics::default(),
+            tolerance: 1e-2,
             reversed_error: 0.0,
             meshing: std::time::Duration::ZERO,
             closure: None,

@@ -43,8 +43,7 @@ const BLOCK: usize = 32;
 const BLOCKS: usize = 2;
 /// So many pairs are integrated a second time, the other way round.
 const REVERSED: u64 = 32;
-/// The most rays of a pair behind more polygons than are cut out. Four times as many hardly help large elements that share an
-/// edge: most of what rays find of them lies next to the edge, where nothing is hidden.
+/// The most rays of a pair behind more polygons than are cut out: a fraction of a second.
 const MAX_RAYS: u32 = 1 << 20;
 /// The most rays that measure what escapes when a closure needs it, unless there are very many elements: some seconds.
 const MAX_ESCAPE_RAYS: f64 = 4e6;
@@ -328,8 +327,8 @@ impl ViewFactors {
         })
     }
 
-    /// Whether neither rules nor rays are estimated to err by more than was asked for in any row. If rays do, pairs have had
-    /// [`MAX_RAYS`], and only smaller elements help, which have less between them.
+    /// Whether neither rules nor rays, each for itself, are estimated to err by more than was asked for in any row. Where they
+    /// are, smaller elements help, which have less between them.
     pub fn is_reached(&self) -> bool {
         // Where every pair errs by what it may, so does the row, but for rounding.
         const ROUNDING: f64 = 1e-6;

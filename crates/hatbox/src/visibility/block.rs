@@ -1,8 +1,7 @@
 //! The triangles of a part of a leaf as they were given, for the test that decides, of all of them at once.
 //!
 //! Where f32 holds all corners exactly, as they come from most files, they are kept in f32: the test is the same, and
-//! reads three lines of the cache instead of five: a twelfth off the time of first crossings in the spheres of 1.5 million
-//! triangles (`closest` and `closest in f64` of `benches/embree`).
+//! reads three lines of the cache instead of five (`closest` and `closest in f64` of `benches/embree/run`).
 
 use super::build::LEAF;
 use super::exact::{Crossing, Ray, Triangle};

@@ -4,7 +4,7 @@ use super::build::{DEPTH, Item, LEAF, Source, WIDTH, build, range};
 use super::exact::{self, Line, Ray, Triangle};
 use super::lanes::{Lanes, Portable, Vector};
 use super::leaf::{Leaf, Probe};
-use super::node::{Frame, Local, Node, Slabs, parts};
+use super::node::{Frame, Local, MOST_PARTS, Node, Slabs, parts};
 use super::packet::Segments;
 use super::pages::Pages;
 #[cfg(target_arch = "x86_64")]
@@ -25,7 +25,7 @@ pub struct Bvh {
     pub(super) nodes: Pages<Node>,
     /// Parts of leaves.
     pub(super) leaves: Pages<Leaf>,
-    /// The same triangles in f64.
+    /// The same triangles as they were given.
     pub(super) blocks: Blocks,
     /// Where each triangle of the input is: part of a leaf · [`LEAF`] + lane, or `u32::MAX` if it was not finite.
     slots: Vec<u32>,
@@ -146,6 +146,7 @@ impl Bvh {
         let root = build(items);
         self.nodes = Pages::zeroed(root.nodes);
         self.leaves = Pages::zeroed(root.leaves);
+        assert!(root.leaves <= MOST_PARTS, "too many triangles for the indices of a tree");
         let single = items.par_iter().all(|item| is_single(&triangles[item.index() as usize]));
         self.blocks = Blocks::zeroed(root.leaves, single);
         let source = Source { items, triangles, ids, frame: self.frame };
@@ -366,8 +367,8 @@ impl Bvh {
 
     /// The decision in f64, out of the way of the loop.
     #[inline(never)]
-    pub(super) fn surely_blocks(&self, leaf: usize, lane: usize, [from, to]: [DVec3; 2], skip: [u32; 2]) -> bool {
-        Ray::segment(from, to).is_some_and(|ray| ray.blocked_by(&self.blocks.triangle(leaf, lane), skip))
+    pub(super) fn surely_blocks(&self, part: usize, lane: usize, [from, to]: [DVec3; 2], skip: [u32; 2]) -> bool {
+        Ray::segment(from, to).is_some_and(|ray| ray.blocked_by(&self.blocks.triangle(part, lane), skip))
     }
 
     /// The decision for segments that f32 does not serve.

@@ -2,7 +2,7 @@
 //!
 //! Children are visited from the nearest on, leaves among them. Those of a node that wait are kept as eight numbers of
 //! sixteen bits, where each is entered, in one register: the nearest is found by one instruction, and nothing is sorted.
-//! The memory of the nearest is asked for as soon as they are known, which makes a twelfth of the speed in the caches.
+//! The memory of the nearest is asked for as soon as they are known.
 //! Leaves are tested in f64 at once. A test in f32 that leaves the decision to the end reads less, but then waits for
 //! the triangle that is hit, which by then is farther away than anything: that took a fifth of the time. Tried and
 //! dropped as well: the leaves among a node's children before its nodes, which visits more leaves; finer keys, and no early
@@ -16,7 +16,7 @@ use super::lanes::{Lanes, NONE, key};
 use super::node::{LEAF_BIT, Local, Node, Slabs, parts};
 use glam::DVec3;
 
-/// Children whose memory is asked for when their node is tested. With two as fast; with four a fifth slower.
+/// Children whose memory is asked for when their node is tested. Two are as good, four are slower.
 const AHEAD: usize = 3;
 
 impl Bvh {

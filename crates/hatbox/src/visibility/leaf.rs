@@ -1,6 +1,6 @@
 //! Triangles in f32: what the exact test need not see, where only one bit is asked for.
 //!
-//! A leaf holds its corners in f32, half the memory of f64. The same watertight test in f32 with bounds of its error
+//! A part of a leaf holds its corners in f32. The same watertight test in f32 with bounds of its error
 //! sorts triangles into those surely missed, those surely crossed between the ends, and the doubtful rest, which alone
 //! is decided by [`super::exact`].
 //!

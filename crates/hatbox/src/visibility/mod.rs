@@ -37,11 +37,9 @@
 //!   triangles there are, since the ray then waits for a triangle that no cache holds;
 //! - two-megabyte pages through glibc's tunables: nothing. By maps of their own (`pages`), with memory asked for a step
 //!   ahead, they are kept: they help where the tree is larger than the caches;
-//! - boxes of nodes in steps of sixteen bits, which halve nodes: first crossings in the spheres took a tenth longer, where
-//!   nothing but memory counts (1.5 million triangles) a twelfth less; leaves of several parts do better there and cost
-//!   nothing elsewhere;
-//! - points given to the kernels as structures: they are read in other widths than they were written and waited for, 10 ns
-//!   for each ray;
+//! - boxes of nodes in steps of sixteen bits, which halve nodes: slower where the tree lies in the caches, faster where it
+//!   does not (1.5 million triangles); leaves of several parts do better there and cost nothing elsewhere;
+//! - points given to the kernels as structures: they are read in other widths than they were written, and waited for;
 //! - testing each ray of a packet against the boxes of inner nodes too: no gain over leaves only.
 
 #![cfg_attr(

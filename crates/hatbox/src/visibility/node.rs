@@ -12,6 +12,9 @@ pub(super) const LEAF_BIT: u32 = 1 << 31;
 /// The bit above the index of a leaf's first part. From it on, up to [`LEAF_BIT`], the number of the parts after the first.
 const PARTS_BIT: u32 = 29;
 
+/// Parts in a tree at the most, so that no child is like another, or like `u32::MAX`.
+pub(super) const MOST_PARTS: usize = (1 << PARTS_BIT) - 8;
+
 /// A child that is a leaf.
 pub(super) fn leaf(first: usize, parts: usize) -> u32 {
     LEAF_BIT | ((parts - 1) as u32) << PARTS_BIT | first as u32
@@ -48,7 +51,7 @@ pub(super) const FAR: f64 = 1_048_576.0;
 pub(super) struct Node {
     /// By axis, the least and the greatest coordinates. A child that is not there has an inside-out box at infinity.
     pub(super) rows: [[[f32; WIDTH]; 2]; 3],
-    /// Index of a node or [`LEAF_BIT`] and the index of a leaf.
+    /// Index of a node, or a [`leaf`].
     pub(super) child: [u32; WIDTH],
     /// The children that are leaves, as bits.
     pub(super) leaves: u32,
@@ -351,5 +354,19 @@ impl Hull {
         self.sides[axis][which] = side;
         self.scales[axis][which] = scale;
         self.shifts[axis][which] = origin * scale;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn leaves_are_their_parts() {
+        for (first, count) in [(0, 1), (0, 4), (5, 2), (MOST_PARTS - 1, 1), (MOST_PARTS - 4, 4), (MOST_PARTS - 1, 4)] {
+            let child = leaf(first, count);
+            assert!(child & LEAF_BIT != 0 && child != u32::MAX);
+            assert_eq!(parts(child), first..=first + count - 1);
+        }
     }
 }

@@ -189,6 +189,19 @@ fn the_error_of_pairs_left_to_rays_is_within_the_estimate() {
     check(&ALL[0], 2 * PAIRS, 5_000_000, Scene::sampled);
 }
 
+/// A room that is walled up stays dark to the last bit.
+#[test]
+fn pairs_of_which_no_ray_sees_anything_exchange_nothing() {
+    let scene = (0..).find_map(|seed| Scene::random(seed, &ALL[1])).expect("panels that face each other");
+    let accuracy = Accuracy::new(1e-3, 8.0 * (scene.a.area() + scene.b.area()));
+    let with = |hides: &(dyn Fn(&[DVec3], &[DVec3]) -> u32 + Sync)| {
+        pair_block(&scene.a, &scene.b, Sight::Partial(hides), [1.0; 2], &accuracy)
+    };
+    assert!(with(&|_, _| u32::MAX).values().iter().all(|&value| value == 0.0));
+    let clear = pair_block(&scene.a, &scene.b, Sight::Clear, [1.0; 2], &accuracy);
+    assert_eq!(with(&|_, _| 0).values(), clear.values());
+}
+
 #[test]
 #[ignore = "minutes, for thousands of pairs: cargo test --release -p hatbox --test pairs -- --ignored"]
 fn the_error_of_many_hidden_pairs_is_within_the_estimate() {

@@ -1,9 +1,11 @@
 //! Partially hidden pairs: low-discrepancy rays on top of the unoccluded block.
 //!
-//! With the mean visibility V̄ = ΣVG/ΣG over the samples, S = V̄ S⁰ + (s⁰/ΣG) Σ(V − V̄) G N Nᵀ, where S⁰ is the
-//! unoccluded block and s⁰ its sum. Clear pairs get S⁰ exactly, hidden ones 0 exactly, and the part that sampling has to
-//! find is only how the shadow lies. Sampling the block itself would add the noise of
-//! G to that of V; one number V̄ per pair would put the shadow's light in the wrong corner.
+//! What is hidden of a pair, H = ∬(1 − V) G N Nᵀ, is sampled with the unoccluded block S⁰ = ∬G N Nᵀ, which is known, as a control
+//! variate: S = S⁰ − H̃ − β (S⁰ − S̃⁰), where H̃ and S̃⁰ are the sampled ones and β is the slope of (1 − V) G over G. Clear
+//! pairs get S⁰ exactly (β = 0), hidden ones 0 exactly (β = 1), and the part that sampling has to find is only how the
+//! shadow lies. The mean visibility ΣVG/ΣG times S⁰, which was here first, is about β = 1 − V̄: of walls that share an edge
+//! it has all the noise of G next to the edge, where nothing is hidden. One number per pair would put the shadow's light in
+//! the wrong corner.
 
 use super::{Accuracy, Block, Facing};
 use crate::assemble::Panel;
@@ -23,7 +25,9 @@ const FIRST: u32 = 2;
 /// look smaller. Of random pairs in shadows at a tolerance of 1 % no more than one in a hundred is to be farther off
 /// (`tests/pairs/honesty.rs`); with four sets and two standard errors 22 of 200 were.
 const CONFIDENCE: f64 = 3.0;
-/// If n independent rays agree, another than theirs has a share of the light of more than ln(100)/n in one case of a hundred.
+/// If n independent rays agree, another than theirs has a share of more than ln(100)/n in one case of a hundred. A share of
+/// the light, n being (ΣG)²/ΣG²: next to an edge that the panels share lies much light for few rays. (That it is all of it is
+/// not sure there: something thin right in such a corner may still be overlooked.)
 const UNDISCOVERED: f64 = 4.6;
 
 /// Which of up to [`PACKET`] segments are blocked, as bits.
@@ -47,11 +51,11 @@ impl Sampling<'_> {
         }
         let allowed = self.allowed_error(total);
         let seed = self.seed();
-        let mut sums = Sums::new(self.a, self.b);
+        let mut sums = Sums::new(self, total);
         let (mut done, mut target) = (0, FIRST);
         loop {
             self.round(done..target, seed, &mut sums, hides);
-            let error = total * sums.error();
+            let error = sums.error();
             if error <= allowed || sums.samples >= self.accuracy.max_rays {
                 // Less than what was allowed is not claimed: rays were doubled until it looked so.
                 return Block { visibility_error: error.max(allowed), rays: sums.samples, ..sums.combine(unoccluded) };
@@ -95,54 +99,77 @@ impl Sampling<'_> {
 
 /// Sums over the samples.
 struct Sums {
-    /// Σ G and Σ V G of each set.
+    /// ∬G.
+    total: f64,
+    /// The product of the areas that are sampled.
+    areas: f64,
+    /// Σ G and Σ (1 − V) G of each set.
     kernel: [[f64; 2]; SETS],
-    /// Σ G N Nᵀ and Σ V G N Nᵀ.
+    /// Σ G² and Σ (1 − V) G².
+    squares: [f64; 2],
+    /// Σ G N Nᵀ and Σ (1 − V) G N Nᵀ.
     blocks: [Block; 2],
-    visible: u32,
     samples: u32,
 }
 
 impl Sums {
-    fn new(a: &Panel, b: &Panel) -> Self {
-        Self { kernel: [[0.0; 2]; SETS], blocks: [Block::zeros(a, b); 2], visible: 0, samples: 0 }
+    fn new(pair: &Sampling<'_>, total: f64) -> Self {
+        let areas = pair.facing.first.area() * pair.facing.second.area();
+        let blocks = [Block::zeros(pair.a, pair.b); 2];
+        Self { total, areas, kernel: [[0.0; 2]; SETS], squares: [0.0; 2], blocks, samples: 0 }
     }
 
     fn add(&mut self, set: usize, x: DVec3, y: DVec3, pair: &Sampling<'_>, visible: bool) {
         let g = geometric(x, pair.a.normal(), y, pair.b.normal());
         self.samples += 1;
-        self.visible += u32::from(visible);
-        self.kernel[set][0] += g;
         let functions = pair.a.values(x);
         let row: [f64; MAX_DOFS] = pair.b.values(y).map(|n| g * n);
-        self.blocks[0].add(1.0, &functions, &row);
-        if visible {
-            self.kernel[set][1] += g;
-            self.blocks[1].add(1.0, &functions, &row);
+        for k in 0..if visible { 1 } else { 2 } {
+            self.kernel[set][k] += g;
+            self.squares[k] += g * g;
+            self.blocks[k].add(1.0, &functions, &row);
         }
     }
 
-    /// The error of V̄: from the spread of the sets, but never less than what no ray may have found (when all agree, that
-    /// is the only thing known).
+    /// Σ G and Σ (1 − V) G.
+    fn both(&self) -> [f64; 2] {
+        [0, 1].map(|k| self.kernel.iter().map(|sums| sums[k]).sum::<f64>())
+    }
+
+    /// β: the covariance of (1 − V) G and G over the variance of G.
+    fn slope(&self) -> f64 {
+        let (n, [all, hidden], [square, both]) = (f64::from(self.samples), self.both(), self.squares);
+        let variance = n * square - all * all;
+        if variance > 0.0 {
+            ((n * both - hidden * all) / variance).clamp(0.0, 1.0)
+        } else {
+            hidden / all.max(f64::MIN_POSITIVE)
+        }
+    }
+
+    /// The error of what is hidden: from the spread of the sets, but never less than what no ray may have found (when all
+    /// agree, that is the only thing known).
     fn error(&self) -> f64 {
-        let n = SETS as f64;
-        let visibility = |[all, seen]: [f64; 2]| if all > 0.0 { seen / all } else { 0.0 };
-        let mean = self.kernel.iter().map(|&k| visibility(k)).sum::<f64>() / n;
-        let variance = self.kernel.iter().map(|&k| (visibility(k) - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        (CONFIDENCE * (variance / n).sqrt()).max(UNDISCOVERED / (f64::from(self.samples) + 2.0))
+        let (n, slope) = (SETS as f64, self.slope());
+        let scale = self.areas * n / f64::from(self.samples);
+        let hidden = self.kernel.map(|[all, hidden]| scale * (hidden - slope * all));
+        let mean = hidden.iter().sum::<f64>() / n;
+        let variance = hidden.iter().map(|&h| (h - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        let rays = self.both()[0].powi(2) / self.squares[0].max(f64::MIN_POSITIVE);
+        let undiscovered = UNDISCOVERED * self.total / (rays + 2.0);
+        (CONFIDENCE * (variance / n).sqrt()).max(undiscovered)
     }
 
-    /// V̄ S⁰ + (s⁰/ΣG) Σ(V − V̄) G N Nᵀ.
+    /// S⁰ − H̃ − β (S⁰ − S̃⁰), with a sum between nothing and that of S⁰.
     fn combine(&self, unoccluded: &Block) -> Block {
-        let mut block = *unoccluded;
-        if self.visible == self.samples {
-            return block;
-        }
-        let [all, seen] = [0, 1].map(|k| self.kernel.iter().map(|sums| sums[k]).sum::<f64>());
-        let (mean, scale) = if all > 0.0 { (seen / all, unoccluded.sum() / all) } else { (0.0, 0.0) };
-        let [every, clear] = &self.blocks;
+        let (mut block, slope, scale) = (*unoccluded, self.slope(), self.areas / f64::from(self.samples));
+        let [all, hidden] = self.both();
+        // In this order nothing is left, not even rounding, where all is hidden.
+        let found = slope * self.total + scale * (hidden - slope * all);
+        let within = if found > 0.0 { found.min(self.total) / found } else { 0.0 };
+        let [every, behind] = &self.blocks;
         for (k, value) in block.values[..unoccluded.len].iter_mut().enumerate() {
-            *value = mean * *value + scale * (clear.values[k] - mean * every.values[k]);
+            *value -= within * (slope * *value + scale * (behind.values[k] - slope * every.values[k]));
         }
         block
     }
