@@ -8,6 +8,7 @@
 use crate::assemble::Panel;
 use crate::element::ALL;
 use crate::exchange::{Geometry, escape};
+use crate::kernel::Frame;
 use crate::mesh::{Finding, Mesh, Severity, diagnose_room};
 use crate::progress::Silent;
 use crate::quadrature::sequence::{hash, point};
@@ -18,7 +19,6 @@ use crate::visibility::{Bvh, Hit, Visibility};
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
-use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
 
 /// Rays from each face, whenever it looks around.
@@ -253,12 +253,7 @@ impl<'a> Sides<'a> {
 
 /// A point of a panel and a cosine-distributed direction from it.
 fn ray(panel: &Panel, [u, v, s, t]: [f64; 4]) -> (DVec3, DVec3) {
-    let normal = panel.normal();
-    let across = normal.any_orthonormal_vector();
-    let (radius, angle) = (s.sqrt(), TAU * t);
-    let direction =
-        across * (radius * angle.cos()) + normal.cross(across) * (radius * angle.sin()) + normal * (1.0 - s).sqrt();
-    (place(panel, [u, v]), direction)
+    (place(panel, [u, v]), Frame::about(panel.normal()).cosine(s, t))
 }
 
 /// A point of a panel.

@@ -17,7 +17,7 @@
 use super::sealed::is_sealed;
 use super::{Exchange, Geometry, Statistics};
 use crate::assemble::function_weighted_mass;
-use crate::kernel::geometric;
+use crate::kernel::{Frame, geometric};
 use crate::linalg::{BlockDiagonal, Csr, LinearOperator, MultiVector};
 use crate::mesh::Patch;
 use crate::progress::{Interrupted, Progress, Silent};
@@ -28,7 +28,6 @@ use crate::space::FunctionSpace;
 use crate::visibility::{Bvh, Hit, Visibility};
 use glam::DVec3;
 use rayon::prelude::*;
-use std::f64::consts::TAU;
 
 /// A scene is scaled only where the row sums are off by less than this; larger deficits are an error to be found.
 pub const GREATEST_DEFICIT: f64 = 0.05;
@@ -460,11 +459,7 @@ pub(super) fn receiving_sides(scene: &Scene) -> Vec<[bool; 2]> {
 
 /// A uniform point of a cell and a cosine-distributed direction from it.
 pub(super) fn cosine_ray(patch: &Patch, [u, v, s, t]: [f64; 4]) -> (DVec3, DVec3) {
-    let normal = patch.normal();
-    let e1 = normal.any_orthonormal_vector();
-    let (radius, angle) = (s.sqrt(), TAU * t);
-    let direction = e1 * (radius * angle.cos()) + normal.cross(e1) * (radius * angle.sin()) + normal * (1.0 - s).sqrt();
-    (patch.point(patch.shape().uniform([u, v])), direction)
+    (patch.point(patch.shape().uniform([u, v])), Frame::about(patch.normal()).cosine(s, t))
 }
 
 #[cfg(test)]

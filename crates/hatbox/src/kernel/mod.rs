@@ -9,7 +9,7 @@ mod closed_form;
 pub use closed_form::{Moments, Plane};
 
 use glam::DVec3;
-use std::f64::consts::FRAC_1_PI;
+use std::f64::consts::{FRAC_1_PI, TAU};
 
 /// G(x, y) in 1/m² for unit normals `nx` and `ny`; 0 where either point is behind the other's horizon.
 pub fn geometric(x: DVec3, nx: DVec3, y: DVec3, ny: DVec3) -> f64 {
@@ -17,6 +17,28 @@ pub fn geometric(x: DVec3, nx: DVec3, y: DVec3, ny: DVec3) -> f64 {
     let r2 = d.length_squared();
     let (at_x, at_y) = (nx.dot(d).max(0.0), (-ny.dot(d)).max(0.0));
     if r2 > 0.0 { FRAC_1_PI * at_x * at_y / (r2 * r2) } else { 0.0 }
+}
+
+/// Axes at right angles about a unit normal.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame {
+    axes: [DVec3; 3],
+}
+
+impl Frame {
+    /// Whose last axis is the normal.
+    pub fn about(normal: DVec3) -> Self {
+        let e1 = normal.any_orthonormal_vector();
+        Self { axes: [e1, normal.cross(e1), normal] }
+    }
+
+    /// The direction, distributed like the cosine with the normal, of two uniform numbers: a point of the disc, lifted onto
+    /// the hemisphere.
+    #[inline]
+    pub fn cosine(&self, s: f64, t: f64) -> DVec3 {
+        let (radius, (sin, cos)) = (s.sqrt(), (TAU * t).sin_cos());
+        self.axes[0] * (radius * cos) + self.axes[1] * (radius * sin) + self.axes[2] * (1.0 - s).sqrt()
+    }
 }
 
 /// Points of one plane with their weights, coordinates apart, as the inner loops want them.

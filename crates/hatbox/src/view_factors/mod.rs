@@ -41,9 +41,10 @@ const BASIS: &Basis = &ALL[0];
 /// Rows that are made together, and so many blocks of them at a time for each thread.
 const BLOCK: usize = 32;
 const BLOCKS: usize = 2;
-/// So many pairs are integrated a second time, the other way round.
+/// So many pairs are integrated a second time, the other way round, with so many rays at most: a look, not a second result.
 const REVERSED: u64 = 32;
-/// The most rays of a pair behind more polygons than are cut out: a fraction of a second.
+const REVERSED_RAYS: u32 = 1 << 14;
+/// The most rays of a pair behind more polygons than are cut out.
 const MAX_RAYS: u32 = 1 << 20;
 /// The most rays that measure what escapes when a closure needs it, unless there are very many elements: some seconds.
 const MAX_ESCAPE_RAYS: f64 = 4e6;
@@ -395,6 +396,7 @@ impl Source<'_> {
     /// See [`ViewFactors::reversed_error`].
     fn reversed_error(&self, dense: &Dense) -> f64 {
         let (panels, blockers) = (self.geometry.panels(), self.geometry.blockers);
+        let accuracy = Accuracy { max_rays: REVERSED_RAYS, ..self.accuracy };
         let n = panels.len() as u64;
         let pick = |k| crate::quadrature::sequence::hash(self.accuracy.seed ^ 0x7265_7665, k) % n.max(1);
         let pairs = (0..4 * REVERSED).map(|k| [2 * k, 2 * k + 1].map(|k| pick(k) as usize));
@@ -405,7 +407,7 @@ impl Source<'_> {
             let (a, b) = (&panels[i], &panels[j]);
             let skip = [a.surface, b.surface];
             let hides = |x: &[_], y: &[_]| blockers.occluded_packet(x, y, skip);
-            let reversed = pair_block(a, b, Sight::Partial(&hides), [1.0; 2], &self.accuracy).sum();
+            let reversed = pair_block(a, b, Sight::Partial(&hides), [1.0; 2], &accuracy).sum();
             let known = dense.exchange_area(i, j);
             (known - reversed).abs() / known.max(a.area() * b.area() / self.accuracy.total_area)
         };

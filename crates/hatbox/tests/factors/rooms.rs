@@ -58,8 +58,7 @@ fn the_rows_of_finely_furnished_rooms_sum_to_one() {
     assert_rows(&[("L", l_room(), 6), ("table", table(), 4), ("boxes", boxes(1), 4), ("more boxes", boxes(2), 4)]);
 }
 
-/// Between the walls are more faces than are cut out of a view. With the spread of four sets of rays, and 16384 of them for a
-/// pair at the most, rows were off by more than was said, and by several times what was asked for.
+/// Between the walls are more faces than are cut out of a view. Rows were off by more than was said, and than was asked for.
 #[test]
 fn walls_that_look_past_a_ball_have_the_factors_that_were_asked_for() {
     let mut mesh = room(DVec3::ONE, |_| false);
@@ -73,10 +72,8 @@ fn walls_that_look_past_a_ball_have_the_factors_that_were_asked_for() {
         let options = Options { tolerance, seed, ..Options::default() };
         let found = ViewFactors::new(&scene, &options, &Silent).expect("few elements");
         let (error, estimate) = (found.check().max_row_sum_error, found.statistics.error());
-        assert!(found.is_closed() && (tolerance < 1e-2 || found.is_reached()), "{seed}: {:?}", found.statistics);
-        assert!(estimate < 2.0 * tolerance, "{tolerance} {seed}: {estimate}");
-        // Six rows are the worst of eight times as many.
-        assert!(error < 1.5 * estimate, "{tolerance} {seed}: {error}, estimated {estimate}");
+        assert!(found.is_closed() && found.is_reached(), "{tolerance} {seed}: {:?}", found.statistics);
+        assert!(error <= estimate, "{tolerance} {seed}: {error}, estimated {estimate}");
     }
     let found = factors(&scene, 1e-5);
     assert!(!found.is_reached(), "rays do not go so far, and it says so: {}", found.statistics.error());

@@ -57,6 +57,7 @@ impl Scene {
         let hidden = |x: DVec3, y: DVec3| u32::from(self.blockers.iter().any(|polygon| crosses(x, y, polygon)));
         let hides = |x: &[DVec3], y: &[DVec3]| (0..x.len()).map(|k| hidden(x[k], y[k]) << k).sum();
         let accuracy = Accuracy::new(tolerance, 8.0 * (self.a.area() + self.b.area()));
+        let accuracy = Accuracy { seed: self.seed, ..accuracy };
         pair_block(&self.a, &self.b, Sight::Partial(&hides), [1.0; 2], &accuracy)
     }
 
@@ -183,10 +184,35 @@ fn the_error_of_hidden_pairs_is_within_the_estimate() {
     check(&ALL[1], PAIRS / 3, 1_000_000, Scene::block);
 }
 
-/// Four sets of rays, with twice their standard error, reported too little for 22 of these pairs at 1 %.
 #[test]
 fn the_error_of_pairs_left_to_rays_is_within_the_estimate() {
     check(&ALL[0], 2 * PAIRS, 5_000_000, Scene::sampled);
+}
+
+/// Where panels share an edge, even points overlooked a thin fin in the corner, or found a part of it and claimed that it was all.
+#[test]
+fn the_error_of_touching_pairs_left_to_rays_is_within_the_estimate() {
+    const SEEDS: u64 = 100;
+    let square =
+        |[x, y]: [DVec3; 2]| panel([DVec3::ZERO, x, x + y, y], ALL[0].element(Shape::Quad).expect("constants"));
+    let (a, b) = (square([DVec3::X, DVec3::Y]), square([DVec3::Y, DVec3::Z]));
+    let mut failures = [0; TOLERANCES.len()];
+    let heights = [0.003, 0.01, 0.03, 0.1];
+    for height in heights {
+        let tip = DVec3::new(height, 0.0, height);
+        let fin = vec![DVec3::ZERO, DVec3::Y, DVec3::Y + tip, tip];
+        let scene = |seed| Scene { seed, a: a.clone(), b: b.clone(), blockers: vec![fin.clone()] };
+        let truth = scene(0).block(1e-7).sum();
+        for (tolerance, failures) in TOLERANCES.into_iter().zip(&mut failures) {
+            for seed in 0..SEEDS {
+                let block = scene(seed).sampled(tolerance);
+                let (error, reported) = ((block.sum() - truth).abs(), block.quadrature_error + block.visibility_error);
+                *failures += u64::from(error > reported);
+            }
+        }
+    }
+    let most = FAILURES * (SEEDS * heights.len() as u64) as f64;
+    assert!(failures.iter().all(|&count| count as f64 <= most), "{failures:?} of {}", SEEDS * heights.len() as u64);
 }
 
 /// A room that is walled up stays dark to the last bit.

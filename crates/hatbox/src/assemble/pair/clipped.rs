@@ -16,7 +16,7 @@
 use super::creases::Ground;
 use super::near::Inner;
 use super::outer::{Crease, Outer, Shadows};
-use super::region::{POLYGON, Polygon, clip, clip_at};
+use super::region::{POLYGON, Polygon, clip, clip_at, distance};
 use super::{Accuracy, Block, Facing, Region, sampled};
 use crate::assemble::Panel;
 use crate::element::MAX_DOFS;
@@ -236,28 +236,7 @@ impl<'a> Shadow<'a> {
 
 /// The distance of a polygon from a panel's centre, in radii of the panel.
 fn remoteness(panel: &Panel, blocker: &Blocker) -> f64 {
-    distance(panel.center, blocker) / panel.radius
-}
-
-/// The distance of a point from a convex planar polygon.
-fn distance(p: DVec3, blocker: &Blocker) -> f64 {
-    let polygon = &blocker.outline;
-    let edge = |k: usize| (polygon[k], polygon[(k + 1) % polygon.len()]);
-    let normal = blocker.normal.normalize_or_zero();
-    let inside = |k: usize| {
-        let (from, to) = edge(k);
-        normal.cross(to - from).dot(p - from) >= 0.0
-    };
-    if (0..polygon.len()).all(inside) {
-        return normal.dot(p - polygon[0]).abs();
-    }
-    let to_edge = |k: usize| {
-        let (from, to) = edge(k);
-        let along = to - from;
-        let t = ((p - from).dot(along) / along.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        p.distance(from + along * t)
-    };
-    (0..polygon.len()).map(to_edge).fold(f64::INFINITY, f64::min)
+    distance(panel.center, &blocker.outline, blocker.normal.normalize_or_zero()) / panel.radius
 }
 
 /// A convex polygon that may hide something.

@@ -43,6 +43,29 @@ pub(super) fn clip_at(corners: &[DVec3], height: impl Fn(usize) -> f64, part: &m
     polygon::clip_at(corners, height, |corner| _ = part.try_push(corner));
 }
 
+/// Whether a point lies between the sides of a convex polygon, seen along its normal, about which its corners are
+/// counter-clockwise.
+fn within(p: DVec3, polygon: &[DVec3], normal: DVec3) -> bool {
+    edges(polygon).all(|[from, to]| normal.cross(to - from).dot(p - from) >= 0.0)
+}
+
+fn edges(polygon: &[DVec3]) -> impl Iterator<Item = [DVec3; 2]> + '_ {
+    (0..polygon.len()).map(|k| [polygon[k], polygon[(k + 1) % polygon.len()]])
+}
+
+/// The distance of a point from a convex planar polygon with that unit normal.
+pub(super) fn distance(p: DVec3, polygon: &[DVec3], normal: DVec3) -> f64 {
+    if within(p, polygon, normal) {
+        return normal.dot(p - polygon[0]).abs();
+    }
+    let to_edge = |[from, to]: [DVec3; 2]| {
+        let along = to - from;
+        let t = ((p - from).dot(along) / along.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        p.distance(from + along * t)
+    };
+    edges(polygon).map(to_edge).fold(f64::INFINITY, f64::min)
+}
+
 /// A planar convex polygon: a panel, or what is left of it in front of another panel's plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Region {
@@ -110,6 +133,11 @@ impl Region {
         &self.corners[..self.len]
     }
 
+    /// Whether a point of its plane lies in it, its corners being counter-clockwise about the normal.
+    pub(crate) fn contains(&self, point: DVec3, normal: DVec3) -> bool {
+        within(point, self.corners(), normal)
+    }
+
     /// The triangles of a fan from corner 0.
     pub(crate) fn triangles(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
         (1..self.len.saturating_sub(1)).map(|k| [self.corners[0], self.corners[k], self.corners[k + 1]])
@@ -160,6 +188,19 @@ mod tests {
         let moment = points.iter().map(|p| p.x * p.y).sum::<f64>() / count;
         assert!(mean.distance(DVec3::new(0.5, 0.5, 0.0)) < 1e-3, "{mean}");
         assert!((moment - 0.25).abs() < 1e-3, "{moment}");
+    }
+
+    #[test]
+    fn a_region_contains_the_points_of_its_samples_and_not_those_beyond_its_edges() {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y];
+        let square = Region::of(&corners);
+        for k in 0..100 {
+            let (u, v) = (f64::from(k % 10) / 9.0, f64::from(k / 10) / 9.0);
+            let inside = DVec3::new(u, v, 0.0);
+            assert!(square.contains(inside, DVec3::Z));
+            let outside = inside + (inside - DVec3::new(0.5, 0.5, 0.0)).normalize() * 1.5;
+            assert!(!square.contains(outside, DVec3::Z), "{outside}");
+        }
     }
 
     #[test]

@@ -3,14 +3,19 @@
 //! What is hidden of a pair, H = ∬(1 − V) G N Nᵀ, is sampled with the unoccluded block S⁰ = ∬G N Nᵀ, which is known, as a control
 //! variate: S = S⁰ − H̃ − β (S⁰ − S̃⁰), where H̃ and S̃⁰ are the sampled ones and β is the slope of (1 − V) G over G. Clear
 //! pairs get S⁰ exactly (β = 0), hidden ones 0 exactly (β = 1), and the part that sampling has to find is only how the
-//! shadow lies. The mean visibility ΣVG/ΣG times S⁰, which was here first, is about β = 1 − V̄: of walls that share an edge
-//! it has all the noise of G next to the edge, where nothing is hidden. One number per pair would put the shadow's light in
-//! the wrong corner.
+//! shadow lies. One number per pair would put the shadow's light in the wrong corner.
+//!
+//! Most pairs are sampled evenly in area. Next to an edge that panels share, G has no bound, and even points overlook what is
+//! thin and right in the corner. So pairs with an uneven G are sampled by it ([`Kernel`]): every ray stands for as much light.
+//!
+//! Before, all pairs were sampled evenly, and by the mean visibility ΣVG/ΣG times S⁰, which is about β = 1 − V̄: of
+//! walls that share an edge it had all the noise of G next to the edge.
 
-use super::{Accuracy, Block, Facing};
+use super::region::distance;
+use super::{Accuracy, Block, Facing, Region};
 use crate::assemble::Panel;
 use crate::element::MAX_DOFS;
-use crate::kernel::geometric;
+use crate::kernel::{Frame, geometric};
 use crate::quadrature::sequence::{hash, point};
 use crate::visibility::PACKET;
 use glam::DVec3;
@@ -21,14 +26,22 @@ const SETS: usize = 8;
 /// Rays of each set in the first round; each further round doubles them.
 const FIRST: u32 = 2;
 
-/// Standard errors in the error estimate: eight sets say little of the spread, and stopping when it looks small makes it
-/// look smaller. Of random pairs in shadows at a tolerance of 1 % no more than one in a hundred is to be farther off
-/// (`tests/pairs/honesty.rs`); with four sets and two standard errors 22 of 200 were.
-const CONFIDENCE: f64 = 3.0;
-/// If n independent rays agree, another than theirs has a share of more than ln(100)/n in one case of a hundred. A share of
-/// the light, n being (ΣG)²/ΣG²: next to an edge that the panels share lies much light for few rays. (That it is all of it is
-/// not sure there: something thin right in such a corner may still be overlooked.)
+/// Standard errors in the error estimate, so that one pair in a hundred is farther off (`tests/pairs/honesty.rs`): eight sets say
+/// little of the spread, and this is Student's t for seven degrees of freedom.
+const CONFIDENCE: f64 = 3.5;
+/// If n independent rays agree, others have a share of more than ln(100)/n in one case of a hundred: a share of the light, n
+/// being (ΣG)²/ΣG².
 const UNDISCOVERED: f64 = 4.6;
+/// A corner this close to the other panel, in radii of the smaller one, touches it.
+const TOUCHING: f64 = 0.25;
+/// G is uneven if the first round's points are worth, by (ΣG)²/ΣG², no more than this part of them.
+const UNEVEN: f64 = 0.5;
+/// Directions from a point of one panel, of which fewer meet the other than this, are too many to try.
+const LEAST_MET: f64 = 0.01;
+/// Directions that are tried for a ray, so many that one meets the other panel, if any does.
+const MOST_TRIED: u32 = 1 << 14;
+/// A variance below this part of the mean square is rounding.
+const ROUNDING: f64 = 1e-12;
 
 /// Which of up to [`PACKET`] segments are blocked, as bits.
 type Hides<'a> = &'a dyn Fn(&[DVec3], &[DVec3]) -> u32;
@@ -50,11 +63,19 @@ impl Sampling<'_> {
             return *unoccluded;
         }
         let allowed = self.allowed_error(total);
-        let seed = self.seed();
+        let kernel = if self.touches() { Kernel::new(self, total) } else { None };
+        let mut points = Points { pair: self, kernel, seed: self.seed(), next: [0; SETS] };
         let mut sums = Sums::new(self, total);
         let (mut done, mut target) = (0, FIRST);
         loop {
-            self.round(done..target, seed, &mut sums, hides);
+            self.round(done..target, &mut points, &mut sums, hides);
+            if done == 0 && points.kernel.is_none() && sums.worth() <= UNEVEN * f64::from(sums.samples) {
+                points.kernel = Kernel::new(self, total);
+                if points.kernel.is_some() {
+                    sums = Sums::new(self, total);
+                    continue;
+                }
+            }
             let error = sums.error();
             if error <= allowed || sums.samples >= self.accuracy.max_rays {
                 // Less than what was allowed is not claimed: rays were doubled until it looked so.
@@ -65,22 +86,30 @@ impl Sampling<'_> {
     }
 
     /// Adds the points of a range of each set, as many at once as rays go together.
-    fn round(&self, range: Range<u32>, seed: u64, sums: &mut Sums, hides: Hides<'_>) {
+    fn round(&self, range: Range<u32>, points: &mut Points<'_>, sums: &mut Sums, hides: Hides<'_>) {
         let all = SETS * range.len();
         let set = |k: usize| k / range.len();
-        let (mut from, mut to) = ([DVec3::ZERO; PACKET], [DVec3::ZERO; PACKET]);
+        let (mut from, mut to, mut g) = ([DVec3::ZERO; PACKET], [DVec3::ZERO; PACKET], [0.0; PACKET]);
         for first in (0..all).step_by(PACKET) {
             let count = PACKET.min(all - first);
             for k in 0..count {
-                let (set, index) = (set(first + k), range.start + ((first + k) % range.len()) as u32);
-                let [s, t, u, v] = point(hash(seed, set as u64), index);
-                (from[k], to[k]) = (self.facing.first.sample(s, t), self.facing.second.sample(u, v));
+                (from[k], to[k], g[k]) = points.next(set(first + k));
             }
             let hidden = hides(&from[..count], &to[..count]);
             for k in 0..count {
-                sums.add(set(first + k), from[k], to[k], self, hidden >> k & 1 == 0);
+                sums.add(set(first + k), [from[k], to[k]], g[k], self, hidden >> k & 1 == 0);
             }
         }
+    }
+
+    /// Whether a corner of one panel lies next to the other.
+    fn touches(&self) -> bool {
+        let (a, b, [first, second]) = (self.a, self.b, self.facing.polygons());
+        let near = TOUCHING * a.radius.min(b.radius);
+        let touches = |corners: &[DVec3], other: &[DVec3], normal: DVec3| {
+            corners.iter().any(|&corner| distance(corner, other, normal) <= near)
+        };
+        touches(first, second, b.normal()) || touches(second, first, a.normal())
     }
 
     /// Errors of a row's pairs are independent and add in squares: with err² ≤ τ² A s for each, a row's error is at most
@@ -94,6 +123,83 @@ impl Sampling<'_> {
     fn seed(&self) -> u64 {
         let [p, q] = [self.a, self.b].map(|panel| panel.vertices.iter().fold(0, |h, &v| hash(h, u64::from(v))));
         hash(hash(self.accuracy.seed, p), q)
+    }
+}
+
+/// Points of both panels, set by set.
+struct Points<'a> {
+    pair: &'a Sampling<'a>,
+    kernel: Option<Kernel<'a>>,
+    seed: u64,
+    /// The next number of each set.
+    next: [u32; SETS],
+}
+
+impl Points<'_> {
+    /// A pair of points, evenly in area, with G.
+    fn even(&self, [s, t, u, v]: [f64; 4]) -> (DVec3, DVec3, f64) {
+        let Sampling { a, b, facing, .. } = self.pair;
+        let (x, y) = (facing.first.sample(s, t), facing.second.sample(u, v));
+        (x, y, geometric(x, a.normal(), y, b.normal()))
+    }
+
+    /// The next pair of points of a set, and G there as it counts: as it is, or, where points lie by it, its mean.
+    fn next(&mut self, set: usize) -> (DVec3, DVec3, f64) {
+        let seed = hash(self.seed, set as u64);
+        if let Some(kernel) = &self.kernel {
+            for _ in 0..MOST_TRIED {
+                let found = kernel.pair(point(seed, self.next[set]));
+                self.next[set] += 1;
+                if let Some([x, y]) = found {
+                    return (x, y, kernel.mean);
+                }
+            }
+        }
+        let found = self.even(point(seed, self.next[set]));
+        self.next[set] += 1;
+        found
+    }
+}
+
+/// Pairs of points with the density of G: even points of the smaller panel, and directions that are distributed like the cosine
+/// there, of which those are kept that meet the other.
+struct Kernel<'a> {
+    from: &'a Region,
+    to: &'a Region,
+    frame: Frame,
+    /// The normal of what is met.
+    normal: DVec3,
+    /// Whether the smaller panel is the second.
+    swapped: bool,
+    /// The mean of G.
+    mean: f64,
+}
+
+impl<'a> Kernel<'a> {
+    /// `None` if hardly any direction would meet the other.
+    fn new(pair: &Sampling<'a>, total: f64) -> Option<Self> {
+        let (a, b, Facing { first, second }) = (pair.a, pair.b, pair.facing);
+        let areas = [first.area(), second.area()];
+        if total < LEAST_MET * areas[0].min(areas[1]) {
+            return None;
+        }
+        let (swapped, mean) = (areas[1] < areas[0], total / (areas[0] * areas[1]));
+        let [(from, n), (to, normal)] = if swapped {
+            [(second, b.normal()), (first, a.normal())]
+        } else {
+            [(first, a.normal()), (second, b.normal())]
+        };
+        Some(Self { from, to, frame: Frame::about(n), normal, swapped, mean })
+    }
+
+    /// A point of either panel, in their order; `None` if the direction does not meet the other.
+    fn pair(&self, [s, t, u, v]: [f64; 4]) -> Option<[DVec3; 2]> {
+        let (x, direction) = (self.from.sample(s, t), self.frame.cosine(u, v));
+        let along = self.normal.dot(self.to.corners()[0] - x) / self.normal.dot(direction);
+        let y = x + direction * along;
+        // NaN is not.
+        let met = along > 0.0 && along < f64::INFINITY && self.to.contains(y, self.normal);
+        met.then_some(if self.swapped { [y, x] } else { [x, y] })
     }
 }
 
@@ -119,8 +225,7 @@ impl Sums {
         Self { total, areas, kernel: [[0.0; 2]; SETS], squares: [0.0; 2], blocks, samples: 0 }
     }
 
-    fn add(&mut self, set: usize, x: DVec3, y: DVec3, pair: &Sampling<'_>, visible: bool) {
-        let g = geometric(x, pair.a.normal(), y, pair.b.normal());
+    fn add(&mut self, set: usize, [x, y]: [DVec3; 2], g: f64, pair: &Sampling<'_>, visible: bool) {
         self.samples += 1;
         let functions = pair.a.values(x);
         let row: [f64; MAX_DOFS] = pair.b.values(y).map(|n| g * n);
@@ -136,11 +241,16 @@ impl Sums {
         [0, 1].map(|k| self.kernel.iter().map(|sums| sums[k]).sum::<f64>())
     }
 
+    /// How many points of equal G they are worth.
+    fn worth(&self) -> f64 {
+        self.both()[0].powi(2) / self.squares[0].max(f64::MIN_POSITIVE)
+    }
+
     /// β: the covariance of (1 − V) G and G over the variance of G.
     fn slope(&self) -> f64 {
         let (n, [all, hidden], [square, both]) = (f64::from(self.samples), self.both(), self.squares);
         let variance = n * square - all * all;
-        if variance > 0.0 {
+        if variance > ROUNDING * n * square {
             ((n * both - hidden * all) / variance).clamp(0.0, 1.0)
         } else {
             hidden / all.max(f64::MIN_POSITIVE)
@@ -155,8 +265,7 @@ impl Sums {
         let hidden = self.kernel.map(|[all, hidden]| scale * (hidden - slope * all));
         let mean = hidden.iter().sum::<f64>() / n;
         let variance = hidden.iter().map(|&h| (h - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        let rays = self.both()[0].powi(2) / self.squares[0].max(f64::MIN_POSITIVE);
-        let undiscovered = UNDISCOVERED * self.total / (rays + 2.0);
+        let undiscovered = UNDISCOVERED * self.total / (self.worth() + 2.0);
         (CONFIDENCE * (variance / n).sqrt()).max(undiscovered)
     }
 

@@ -107,7 +107,7 @@ impl Sums {
     }
 
     /// For each place the root of the sum of the squares of its pairs' errors, as an error of its irradiance relative to the
-    /// mean strength. Pairs report errors that few exceed, three standard errors; here one counts.
+    /// mean strength. Pairs report errors that few exceed; here half of them count.
     pub(super) fn row_errors(&self, panels: &[&Panel], strengths: &[f64]) -> Vec<f64> {
         let areas = || panels.iter().map(|panel| panel.area());
         let mean = areas().zip(strengths).map(|(area, s)| area * s).sum::<f64>() / areas().sum::<f64>();

@@ -38,6 +38,7 @@ mod spots;
 use super::hierarchical::{Linked, Links};
 use super::{Exchange, ExchangeError, Geometry, Hierarchical, Params, Statistics};
 use crate::element::Element;
+use crate::kernel::Frame;
 use crate::linalg::{Csr, LinearOperator, MultiVector};
 use crate::progress::{Interrupted, Progress};
 use crate::quadrature::sequence::{hash, point, unit};
@@ -47,7 +48,7 @@ use fit::{Matrix, Take, add_outer, factor, mean_mass, solve, variance};
 use kept::{Expected, Hits, Received, Traced};
 use lamps::{Lamps, Receivers};
 use rayon::prelude::*;
-use rays::{Frame, Hit, Points, Tracer};
+use rays::{Hit, Points, Tracer};
 use spots::Spots;
 use std::sync::Arc;
 
@@ -417,7 +418,7 @@ impl Exchange for Sampled {
             return Some(vec![0.0; x.bands()]);
         }
         let (patch, surface) = (self.cells.patch(cell), self.cells.surface(cell));
-        let (origin, frame) = (patch.point(at), Frame::new(&patch));
+        let (origin, frame) = (patch.point(at), Frame::about(patch.normal()));
         let means = self.lamps.means(&self.cells, [x.bands(); 2], |dof, band| x.band(band)[dof]);
         let mut sum = vec![0.0; x.bands()];
         // What rays bring that meet no lamp, the number of them, and the rest that the others bring.

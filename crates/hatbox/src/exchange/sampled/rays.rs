@@ -11,11 +11,10 @@ use super::spots::spot;
 use crate::element::{Element, MAX_DOFS, Shape};
 use crate::exchange::closure::first_face;
 use crate::exchange::hierarchical::Linked;
-use crate::mesh::Patch;
+use crate::kernel::Frame;
 use crate::quadrature::sequence::Blocks;
 use crate::visibility::Bvh;
 use glam::DVec3;
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// Where a ray ended: the cell, the part of it, and whether the cell is a lamp's, or one whose light comes through a link.
@@ -144,7 +143,7 @@ impl Tracer {
             return;
         }
         let patch = cells.patch(cell);
-        let frame = Frame::new(&patch);
+        let frame = Frame::about(patch.normal());
         for ((hit, &at), [s, t]) in hits.iter_mut().zip(&points.at).zip(self.blocks.first(self.block[cell])) {
             *hit = self.cast(cells, patch.point(at), frame.cosine(s, t), cells.surface(cell));
             if !hit.is_lost() && linked.contains(hit.cell()) {
@@ -180,25 +179,6 @@ fn bits(cells: usize, is_set: &dyn Fn(usize) -> bool) -> Vec<u64> {
 
 fn has_bit(bits: &[u64], cell: usize) -> bool {
     bits[cell / 64] >> (cell % 64) & 1 == 1
-}
-
-/// An orthonormal frame on a patch.
-pub(super) struct Frame {
-    axes: [DVec3; 3],
-}
-
-impl Frame {
-    pub(super) fn new(patch: &Patch) -> Self {
-        let normal = patch.normal();
-        let e1 = normal.any_orthonormal_vector();
-        Self { axes: [e1, normal.cross(e1), normal] }
-    }
-
-    /// The cosine-distributed direction of two uniform numbers: a point of the disc, lifted onto the hemisphere.
-    pub(super) fn cosine(&self, s: f64, t: f64) -> DVec3 {
-        let (radius, (sin, cos)) = (s.sqrt(), (TAU * t).sin_cos());
-        self.axes[0] * (radius * cos) + self.axes[1] * (radius * sin) + self.axes[2] * (1.0 - s).sqrt()
-    }
 }
 
 #[cfg(test)]
