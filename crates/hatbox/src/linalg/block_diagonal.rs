@@ -2,7 +2,9 @@ use super::{LinearOperator, MultiVector};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Blocks of a thread at the least.
+/// Powers of a small matrix, of whose eigenvalues a few digits are wanted.
+const POWERS: usize = 50;
+/// Blocks of a piece of work.
 const LEAST_BLOCKS: usize = 1 << 12;
 
 /// A matrix of small square blocks on the diagonal, one per element; either one set for all bands or one per band.
@@ -107,6 +109,19 @@ impl BlockDiagonal {
         let most = (0..offsets.len().saturating_sub(1)).map(size).max().unwrap_or(0);
         let matrices = (0..=most).map(identity).collect();
         Self::new(offsets, 1, matrices, |_, block| DiagonalBlock::Multiple(size(block), 1.0))
+    }
+
+    /// The least and the greatest eigenvalue of D⁻¹ A of any block A with the diagonal D. They bound those of matrices that
+    /// positive definite blocks are added up to, so that unknowns meet (A. Wathen, "Realistic eigenvalue bounds for the
+    /// Galerkin mass matrix", IMA J. Numer. Anal. 7, 1987).
+    pub(crate) fn scaled_spectrum(&self) -> [f64; 2] {
+        let own = |band: &Blocks| -> Vec<[f64; 2]> {
+            band.starts.windows(2).map(|ends| scaled_spectrum(&band.own[ends[0]..ends[1]])).collect()
+        };
+        let used = |kind: &usize| self.bands.iter().any(|band| band.kinds.contains(&(*kind as u32)));
+        let shared = (0..self.shared.len()).filter(used).map(|kind| scaled_spectrum(&self.shared[kind]));
+        let all = shared.chain(self.bands.iter().flat_map(own));
+        all.reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]).unwrap_or([1.0; 2])
     }
 
     /// Number of blocks.
@@ -252,18 +267,13 @@ impl LinearOperator for BlockDiagonal {
         self.rows()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        for band in 0..x.bands() {
-            let (x, mut rest) = (x.band(band), y.band_mut(band));
-            let mut parts = Vec::with_capacity(self.blocks().div_ceil(LEAST_BLOCKS));
-            for first in (0..self.blocks()).step_by(LEAST_BLOCKS) {
-                let blocks = first..(first + LEAST_BLOCKS).min(self.blocks());
-                let rows = (self.offsets[blocks.end] - self.offsets[blocks.start]) as usize;
-                let (part, after) = rest.split_at_mut(rows);
-                parts.push((blocks, part));
-                rest = after;
+        let blocks = |part: usize| part * LEAST_BLOCKS..((part + 1) * LEAST_BLOCKS).min(self.blocks());
+        let ends = (0..self.blocks().div_ceil(LEAST_BLOCKS)).map(|part| self.offsets[blocks(part).end] as usize);
+        y.parts_until(ends).into_par_iter().enumerate().for_each(|(part, y)| {
+            for (band, (y, x)) in y.into_iter().zip(x.iter_bands()).enumerate() {
+                self.apply_some(band, blocks(part), x, y);
             }
-            parts.into_par_iter().for_each(|(blocks, y)| self.apply_some(band, blocks, x, y));
-        }
+        });
     }
 }
 
@@ -275,6 +285,25 @@ fn apply_alike<'a, const N: usize>(blocks: impl Iterator<Item = (&'a [f64], f64)
             *y = factor * row.iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
         }
     }
+}
+
+/// The least and the greatest eigenvalue of D^-½ A D^-½, by powers of it and of what is left of the greatest.
+fn scaled_spectrum(a: &[f64]) -> [f64; 2] {
+    let n = a.len().isqrt();
+    let scaled = |i: usize, j: usize| a[i * n + j] / (a[i * n + i] * a[j * n + j]).sqrt();
+    let greatest = |of: &dyn Fn(usize, usize) -> f64| {
+        let mut x: Vec<f64> = (0..n).map(|k| 1.0 + 0.1 * k as f64).collect();
+        let mut value = 0.0;
+        for _ in 0..POWERS {
+            let length = x.iter().map(|x| x * x).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+            let image: Vec<f64> = (0..n).map(|i| (0..n).map(|j| of(i, j) * x[j] / length).sum()).collect();
+            value = x.iter().zip(&image).map(|(x, y)| x * y / length).sum();
+            x = image;
+        }
+        value
+    };
+    let most = greatest(&scaled);
+    [most - greatest(&|i, j| if i == j { most - 1.0 } else { -scaled(i, j) }), most]
 }
 
 /// A B, row by row.
@@ -396,6 +425,28 @@ mod tests {
                         .map(|numbers| MultiVector::from_bands(1, numbers).expect("one band"));
                     assert_equal(&found, &applied);
                 }
+            }
+        }
+    }
+
+    /// The bounds of Wathen's table: linear and quadratic triangles, bilinear squares.
+    #[test]
+    fn scaled_mass_matrices_have_known_spectra() {
+        let linear = vec![2.0, 1.0, 1.0, 1.0, 2.0, 1.0, 1.0, 1.0, 2.0];
+        let bilinear = vec![4.0, 2.0, 1.0, 2.0, 2.0, 4.0, 2.0, 1.0, 1.0, 2.0, 4.0, 2.0, 2.0, 1.0, 2.0, 4.0];
+        let quadratic = vec![
+            6.0, -1.0, -1.0, 0.0, -4.0, 0.0, -1.0, 6.0, -1.0, 0.0, 0.0, -4.0, -1.0, -1.0, 6.0, -4.0, 0.0, 0.0, 0.0,
+            0.0, -4.0, 32.0, 16.0, 16.0, -4.0, 0.0, 0.0, 16.0, 32.0, 16.0, 0.0, -4.0, 0.0, 16.0, 16.0, 32.0,
+        ];
+        for (matrix, least, greatest) in [(linear, 0.5, 2.0), (bilinear, 0.25, 2.25), (quadratic, 0.3924, 2.0598)] {
+            let size = matrix.len().isqrt();
+            for own in [false, true] {
+                let block = |_, _| {
+                    if own { DiagonalBlock::Own(matrix.clone()) } else { DiagonalBlock::Multiple(0, 3.0) }
+                };
+                let shared = if own { Vec::new() } else { vec![matrix.clone()] };
+                let [a, b] = BlockDiagonal::new(&[0, size], 1, shared, block).scaled_spectrum();
+                assert!((a - least).abs() < 1e-4 && (b - greatest).abs() < 1e-4, "{size}: {a} {b}");
             }
         }
     }

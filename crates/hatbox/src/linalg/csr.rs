@@ -2,8 +2,8 @@ use super::{LinearOperator, MultiVector};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Rows of a thread at the least.
-const LEAST_ROWS: usize = 1 << 13;
+/// Rows of a piece of work.
+const ROWS: usize = 1 << 13;
 
 /// A sparse matrix in compressed rows.
 #[derive(Debug, Clone, PartialEq)]
@@ -115,11 +115,13 @@ impl LinearOperator for Csr {
         self.cols
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        for band in 0..x.bands() {
-            let x = x.band(band);
-            y.band_mut(band).par_iter_mut().with_min_len(LEAST_ROWS).enumerate().for_each(|(row, y)| {
-                *y = self.row(row).map(|(col, value)| value * x[col]).sum();
-            });
-        }
+        y.parts_mut(ROWS).into_par_iter().enumerate().for_each(|(part, mut y)| {
+            for place in 0..y.first().map_or(0, |band| band.len()) {
+                let row = part * ROWS + place;
+                for (y, x) in y.iter_mut().zip(x.iter_bands()) {
+                    y[place] = self.row(row).map(|(col, value)| value * x[col]).sum();
+                }
+            }
+        });
     }
 }

@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-/// Numbers of a thread at the least.
+/// Numbers of a thread at the least, and those of a partial sum.
 const LEAST_NUMBERS: usize = 1 << 15;
 
 /// `rows` × `bands` numbers, each band contiguous: the coefficients of one function per band.
@@ -76,6 +76,24 @@ impl MultiVector {
         &mut self.data
     }
 
+    /// So many rows of all bands at a time: what works on rows reads what it needs of them once for all bands.
+    pub(super) fn parts_mut(&mut self, rows: usize) -> Vec<Vec<&mut [f64]>> {
+        let all = self.rows;
+        self.parts_until((1..=all.div_ceil(rows)).map(|part| (part * rows).min(all)))
+    }
+
+    /// The parts of all bands that end at these rows.
+    pub(super) fn parts_until(&mut self, ends: impl IntoIterator<Item = usize>) -> Vec<Vec<&mut [f64]>> {
+        let mut rest: Vec<&mut [f64]> = self.data.chunks_exact_mut(self.rows.max(1)).collect();
+        let (mut parts, mut start) = (Vec::new(), 0);
+        for end in ends {
+            let part = rest.iter_mut().map(|band| band.split_off_mut(..end - start).unwrap_or_default());
+            parts.push(part.collect());
+            start = end;
+        }
+        parts
+    }
+
     /// `self += factor · other`.
     pub fn add_scaled(&mut self, factor: f64, other: &Self) {
         debug_assert_eq!((self.rows, self.bands), (other.rows, other.bands));
@@ -104,8 +122,18 @@ pub(crate) fn each(a: &mut [f64], b: &[f64], change: impl Fn(&mut f64, f64) + Sy
     parts.for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, &b)| change(a, b)));
 }
 
-/// `Σ a_i b_i` in a fixed order (eight interleaved partial sums), so that the same input gives the same bits.
+/// `Σ a_i b_i` in a fixed order, so that the same input gives the same bits on any number of threads.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let parts = a.par_chunks(LEAST_NUMBERS).zip(b.par_chunks(LEAST_NUMBERS));
+    if a.len() <= LEAST_NUMBERS {
+        dot_part(a, b)
+    } else {
+        parts.map(|(a, b)| dot_part(a, b)).collect::<Vec<f64>>().iter().sum()
+    }
+}
+
+/// The same of a part, in eight interleaved sums.
+fn dot_part(a: &[f64], b: &[f64]) -> f64 {
     let mut lanes = [0.0; 8];
     let (a8, a_rest) = a.as_chunks::<8>();
     let (b8, b_rest) = b.as_chunks::<8>();

@@ -3,7 +3,7 @@
 use crate::exchange::Exchange;
 use crate::linalg::{BlockDiagonal, Csr, Diagonal, LinearOperator, MultiVector};
 use crate::progress::Silent;
-use crate::solve::{Params, cg};
+use crate::solve::{Params, Scaled, cg, chebyshev};
 use crate::space::FunctionSpace;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -34,9 +34,9 @@ impl Join {
     }
 
     /// Cᵀ x: integrals against the joined functions.
-    pub(super) fn collect(&self, x: MultiVector) -> MultiVector {
+    pub(super) fn collect<'a>(&self, x: Cow<'a, MultiVector>) -> Cow<'a, MultiVector> {
         match &self.matrices {
-            Some([_, transpose, _]) => transpose.times(&x),
+            Some([_, transpose, _]) => Cow::Owned(transpose.times(&x)),
             None => x,
         }
     }
@@ -97,24 +97,35 @@ impl LinearOperator for Mass<'_> {
     }
 }
 
-/// An approximation of (CᵀΔC)⁻¹ that costs nothing: exact where nothing is joined, the inverse of the diagonal else
-/// (the condition of a scaled mass matrix of hats is below 10 on any mesh).
-pub(super) fn preconditioner(join: &Join, inverse: &BlockDiagonal) -> Box<dyn LinearOperator + Send> {
-    match &join.matrices {
-        Some([.., joined]) => Box::new(Diagonal(joined.diagonal().into_iter().map(|d| 1.0 / d).collect())),
-        None => Box::new(inverse.clone()),
+/// An approximation of (CᵀΔC)⁻¹ that costs nothing.
+pub(super) enum RoughInverse {
+    /// Exact, where nothing is joined.
+    Blocks(BlockDiagonal),
+    /// The inverse of the diagonal. With it the matrix has its eigenvalues in `spectrum`, but for hanging nodes.
+    Diagonal { inverse: Diagonal, spectrum: [f64; 2] },
+}
+
+impl RoughInverse {
+    pub(super) fn new(join: &Join, [mass, inverse]: [&BlockDiagonal; 2]) -> Self {
+        match &join.matrices {
+            Some([.., joined]) => Self::Diagonal {
+                inverse: Diagonal(joined.diagonal().into_iter().map(|d| 1.0 / d).collect()),
+                spectrum: mass.scaled_spectrum(),
+            },
+            None => Self::Blocks(inverse.clone()),
+        }
     }
 }
 
-/// (CᵀΔC)⁻¹, by conjugate gradients where it is no block matrix.
+/// (CᵀΔC)⁻¹, by Chebyshev's iteration where it is no block matrix, and by conjugate gradients for what that leaves.
 ///
 /// It is the preconditioner of the equation: with the inverse of the diagonal alone the solver has to invert the mass matrix,
 /// too, at the price of a product with S each time. To add what the equation gives on a thousand clusters of cells was tried
 /// and dropped, since it saved few steps: what is left after a step is as rough as the noise of the rays.
 pub(super) struct InverseMass<'a> {
     pub(super) mass: Mass<'a>,
-    pub(super) preconditioner: &'a dyn LinearOperator,
-    /// Relative residual of the conjugate gradients.
+    pub(super) rough: &'a RoughInverse,
+    /// Relative residual.
     pub(super) tolerance: f64,
 }
 
@@ -126,11 +137,16 @@ impl LinearOperator for InverseMass<'_> {
         self.mass.rows()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        self.preconditioner.apply(x, y);
-        if self.mass.join.matrices.is_some() {
-            let params = Params { tolerance: self.tolerance, max_iterations: 200, ..Params::default() };
-            // Rounding may keep it from the last digit; what is reached is what can be.
-            let _ = cg(&self.mass, self.preconditioner, x, y, &params, &Silent);
+        match (self.rough, &self.mass.join.matrices) {
+            (RoughInverse::Diagonal { inverse, spectrum }, Some([.., joined])) => {
+                let scaled = Scaled { matrix: joined, inverse_diagonal: &inverse.0, spectrum: *spectrum };
+                chebyshev(&scaled, x, y, self.tolerance);
+                let params = Params { tolerance: self.tolerance, max_iterations: 200, ..Params::default() };
+                // Rounding may keep it from the last digit; what is reached is what can be.
+                let _ = cg(&**joined, inverse, x, y, &params, &Silent);
+            }
+            (RoughInverse::Diagonal { inverse, .. }, None) => inverse.apply(x, y),
+            (RoughInverse::Blocks(inverse), _) => inverse.apply(x, y),
         }
     }
 }
@@ -185,7 +201,7 @@ impl Transport<'_> {
                 multiply(&mut seen, reflectance);
                 seen
             }
-            Reflection::Broken(blocks) => self.join.collect(blocks.times(&seen)),
+            Reflection::Broken(blocks) => self.join.collect(Cow::Owned(blocks.times(&seen))).into_owned(),
         }
     }
 }
@@ -246,7 +262,7 @@ impl Symmetric<'_> {
     pub(super) fn reflected(&self, x: &MultiVector) -> MultiVector {
         let mut y = self.exchange.times(x);
         multiply(&mut y, self.root);
-        self.mass.join.collect(y)
+        self.mass.join.collect(Cow::Owned(y)).into_owned()
     }
 
     /// √R C c.

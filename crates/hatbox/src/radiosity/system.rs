@@ -1,7 +1,7 @@
 mod relight;
 
 use super::lossless::lossless;
-use super::operators::{Arriving, Equation, InverseMass, Join, Mass, Reflection, Symmetric, Transport, preconditioner};
+use super::operators::{Arriving, Equation, InverseMass, Join, Mass, Reflection, RoughInverse, Symmetric, Transport};
 use super::products::Products;
 use super::residual::greater;
 use super::search::{FARTHEST, Room, Search, reflected_exactly};
@@ -15,6 +15,7 @@ use crate::scene::{Material, Scene};
 use crate::solve::{self, Info, SolveError, cg, neumann};
 use crate::space::FunctionSpace;
 use crate::visibility::{Bvh, Occluders};
+use std::borrow::Cow;
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -29,8 +30,9 @@ const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-3];
 /// The mass matrix of joined functions is inverted to these relative residuals: beside an exact operator, and beside a sampled
 /// one, whose noise is a million times that.
 const MASS_TOLERANCES: [f64; 2] = [1e-13, 1e-10];
-/// The same for directions of a search: a product leaves far more of the residual.
-const ROUGH_MASS_TOLERANCE: f64 = 1e-2;
+/// The same for directions of a search. A product leaves far more of the residual, but with fewer digits the constant light of
+/// a furnace is found to fewer than it takes no work to have.
+const ROUGH_MASS_TOLERANCE: f64 = 1e-5;
 /// Bounces that Neumann's iteration may take at the most.
 const MOST_BOUNCES: usize = 100_000;
 /// Steps of Arnoldi's method for the norm of the operator: an exact one costs little to apply, a sampled one has its
@@ -90,7 +92,7 @@ pub struct System {
     join: Join,
     mass: BlockDiagonal,
     mass_inverse: BlockDiagonal,
-    preconditioner: Arc<dyn LinearOperator + Send>,
+    rough: Arc<RoughInverse>,
     /// Bytes that the operator may store and does not.
     spare: usize,
     /// What is known of a sampled S from other materials, and what the first solution with these has asked of it.
@@ -155,7 +157,7 @@ impl System {
             strengths: OnceLock::from(params.strengths.clone()),
             load: OnceLock::new(),
             reflectance: OnceLock::new(),
-            preconditioner: Arc::from(preconditioner(&join, &mass_inverse)),
+            rough: Arc::new(RoughInverse::new(&join, [&mass, &mass_inverse])),
             scene,
             space,
             panels,
@@ -312,7 +314,7 @@ impl System {
         let seen = self.arriving();
         let reflection = self.reflection();
         let transport = Transport { join: &self.join, seen: &seen, reflection: &reflection };
-        let right_side = self.join.collect(load.clone());
+        let right_side = self.join.collect(Cow::Borrowed(load));
         let mut b = self.inverse_mass().times(&right_side);
         let info = neumann(&self.inverse_mass(), &transport, &right_side, &mut b, params, progress)?;
         Ok((self.solution(self.join.spread(&b).into_owned()), info))
@@ -333,7 +335,7 @@ impl System {
         let reflection = self.reflection();
         let transport = Transport { join: &self.join, seen: &seen, reflection: &reflection };
         let equation = Equation { mass: self.joined_mass(), transport };
-        let b = self.inverse_mass().times(&self.join.collect(load.clone()));
+        let b = self.inverse_mass().times(&self.join.collect(Cow::Borrowed(load)));
         let preconditioner = InverseMass { tolerance: 1e-2 * params.tolerance, ..self.inverse_mass() };
         let (b, arrived, info, products) = if self.exchange.is_symmetric() || params.tolerance < FARTHEST {
             let (b, arrived, info) = reflected_exactly(&equation, &preconditioner, b, params, progress)?;
@@ -383,15 +385,20 @@ impl System {
         if !self.collects() {
             return Reflection::Broken(self.weighted_mass().product(&self.mass_inverse));
         }
-        let mut reflectance = MultiVector::zeros(self.space.dofs(), self.scene.bands);
-        for cell in 0..self.space.cells() {
-            let of_cell = &self.scene.material(cell).reflectance;
-            for band in 0..self.scene.bands {
-                let r = of_cell.uniform(band).unwrap_or(0.0);
-                let unknowns = self.space.range(cell).flat_map(|dof| self.space.unknowns_of(dof));
-                let column = reflectance.band_mut(band);
-                unknowns.for_each(|(unknown, _)| column[unknown] = r);
-            }
+        let mut materials = vec![0; self.space.dofs()];
+        for (cell, of_cell) in self.scene.mesh.cells.iter().enumerate() {
+            let unknowns = self.space.range(cell).flat_map(|dof| self.space.unknowns_of(dof));
+            unknowns.for_each(|(unknown, _)| materials[unknown] = of_cell.material);
+        }
+        let mut reflectance = MultiVector::zeros(materials.len(), self.scene.bands);
+        for band in 0..self.scene.bands {
+            let of = |material: &Material| material.reflectance.uniform(band).unwrap_or(0.0);
+            let known: Vec<f64> = self.scene.materials.iter().map(of).collect();
+            reflectance
+                .band_mut(band)
+                .iter_mut()
+                .zip(&materials)
+                .for_each(|(r, &material)| *r = known[material as usize]);
         }
         Reflection::Joined(reflectance)
     }
@@ -404,7 +411,7 @@ impl System {
         progress: &dyn Progress,
     ) -> Result<(Solution, Info), SolveError> {
         let symmetric = Symmetric { mass: self.joined_mass(), exchange: &*self.exchange, root };
-        let emission = self.inverse_mass().times(&self.join.collect(load.clone()));
+        let emission = self.inverse_mass().times(&self.join.collect(Cow::Borrowed(load)));
         let emission = self.join.spread(&emission).into_owned();
         let right_side = symmetric.reflected(&emission);
         let mut c = MultiVector::zeros(right_side.rows(), right_side.bands());
@@ -427,8 +434,8 @@ impl System {
             None if collected => self.averaged(&arrived),
             None => self.irradiance_of(&arrived),
             Some(steady) => {
-                let mut rest = if collected { arrived } else { self.join.collect(arrived) };
-                rest.add_scaled(-1.0, &self.join.collect(steady.clone()));
+                let mut rest = if collected { arrived } else { self.join.collect(Cow::Owned(arrived)).into_owned() };
+                rest.add_scaled(-1.0, &self.join.collect(Cow::Borrowed(&steady)));
                 let mut irradiance = self.averaged(&rest);
                 irradiance.add_scaled(1.0, &self.mass_inverse.times(&steady));
                 irradiance
@@ -445,7 +452,7 @@ impl System {
         if self.exchange.is_symmetric() {
             self.mass_inverse.times(arrived)
         } else {
-            self.averaged(&self.join.collect(arrived.clone()))
+            self.averaged(&self.join.collect(Cow::Borrowed(arrived)))
         }
     }
 
@@ -554,6 +561,6 @@ impl System {
 
     fn inverse_mass(&self) -> InverseMass<'_> {
         let tolerance = MASS_TOLERANCES[usize::from(!self.exchange.is_symmetric())];
-        InverseMass { mass: self.joined_mass(), preconditioner: &*self.preconditioner, tolerance }
+        InverseMass { mass: self.joined_mass(), rough: &self.rough, tolerance }
     }
 }

@@ -8,16 +8,19 @@
 //! band to band (a reflectance per band), and then no joint space exists.
 //!
 //! Whatever a recurrence believes, [`gmres()`] and [`cg()`] return only when the *true* residual, computed from the
-//! solution itself, has passed the tolerance; [`search()`] has no recurrence. Sums run in a fixed order: the same input gives the same bits.
+//! solution itself, has passed the tolerance; [`search()`] has no recurrence, and [`chebyshev()`] promises nothing. Sums run
+//! in a fixed order: the same input gives the same bits.
 //!
 //! The solvers know operators and vectors and nothing of light. [`ALL`] lists them for whoever lets a user choose.
 
 mod cg;
+mod chebyshev;
 mod gmres;
 mod neumann;
 mod search;
 
 pub use cg::cg;
+pub use chebyshev::{Scaled, chebyshev};
 pub use gmres::gmres;
 pub use neumann::neumann;
 pub use search::{SearchSpace, search};

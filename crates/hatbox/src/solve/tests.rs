@@ -321,3 +321,33 @@ fn a_search_says_why_it_ends() {
     let result = search(&mut Kept::new(broken), &mass_inverse(), rhs.norms(), &few, &Silent);
     assert_eq!(result, Err(SolveError::Breakdown { band: 1 }));
 }
+
+/// A chain of hats: what neighbours have in common. D⁻¹ A has its eigenvalues between ½ and 3/2.
+#[test]
+fn chebyshev_brings_the_error_to_the_tolerance_whatever_the_number_of_bands() {
+    let rows = 500;
+    let row = |i: usize| {
+        let neighbours = [i.wrapping_sub(1), i, i + 1].into_iter().filter(|&j| j < rows);
+        neighbours.map(|j| (j as u32, if i == j { 4.0 } else { 1.0 })).collect::<Vec<_>>()
+    };
+    let matrix = Csr::from_rows(rows, (0..rows).map(row));
+    let inverse_diagonal = vec![0.25; rows];
+    let a = Scaled { matrix: &matrix, inverse_diagonal: &inverse_diagonal, spectrum: [0.5, 1.5] };
+    for bands in [1, 3, 4, 5] {
+        let exact = MultiVector::from_fn(rows, bands, |row, band| ((7 * row + 3 * band) % 11) as f64 - 5.0);
+        let rhs = matrix.times(&exact);
+        for tolerance in [1e-2, 1e-6, 1e-12] {
+            let mut x = MultiVector::uniform(rows, &vec![9.0; bands]);
+            chebyshev(&a, &rhs, &mut x, tolerance);
+            x.add_scaled(-1.0, &exact);
+            let (error, all) = (x.dot(&matrix.times(&x)), exact.dot(&rhs));
+            for (error, all) in error.into_iter().zip(all) {
+                assert!(
+                    error.sqrt() <= tolerance * all.sqrt(),
+                    "{bands} bands to {tolerance:e}: {:e}",
+                    (error / all).sqrt()
+                );
+            }
+        }
+    }
+}

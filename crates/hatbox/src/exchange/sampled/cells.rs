@@ -14,12 +14,15 @@ pub(in crate::exchange) struct Cells {
     mesh: Arc<Mesh>,
     space: FunctionSpace,
     areas: Vec<f64>,
+    alike: Option<usize>,
 }
 
 impl Cells {
     pub(in crate::exchange) fn new(mesh: &Arc<Mesh>, space: &FunctionSpace) -> Self {
         let areas = (0..mesh.cells.len()).map(|cell| mesh.patch(cell).area()).collect();
-        Self { mesh: Arc::clone(mesh), space: space.clone(), areas }
+        let mut functions = (0..space.cells()).map(|cell| space.range(cell).len());
+        let alike = functions.next().filter(|&first| functions.all(|count| count == first));
+        Self { mesh: Arc::clone(mesh), space: space.clone(), areas, alike }
     }
 
     pub(in crate::exchange) fn len(&self) -> usize {
@@ -55,6 +58,11 @@ impl Cells {
     /// The coefficients of a cell.
     pub(in crate::exchange) fn range(&self, cell: usize) -> std::ops::Range<usize> {
         self.space.range(cell)
+    }
+
+    /// The functions of a cell, if all cells have as many.
+    pub(super) fn alike(&self) -> Option<usize> {
+        self.alike
     }
 
     /// The reference coordinates of a point of a cell's plane.

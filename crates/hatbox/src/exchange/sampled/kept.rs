@@ -10,7 +10,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 /// Rays of one word.
-const WORD: usize = u64::BITS as usize;
+pub(super) const WORD: usize = u64::BITS as usize;
 /// Bytes of a hit.
 const HIT: usize = size_of::<u32>() + size_of::<u8>();
 

@@ -14,13 +14,14 @@
 #![expect(clippy::inline_always, reason = "loops must be compiled where their lengths are known")]
 
 use super::fit::{Matrix, Take, add_outer, factor, mean_mass, solve};
-use super::kept::{Ended, Hits, Lit, Run, set_bits};
+use super::kept::{Ended, Hits, Lit, Run, WORD, set_bits};
 use super::rays::Hit;
 use super::source::{Coefficients, Number, Source, lanes_for};
 use super::{CHUNK, Sampled, Table};
 use crate::element::MAX_DOFS;
 use crate::linalg::{Csr, LinearOperator, MultiVector};
 use crate::mesh::Patch;
+use arrayvec::ArrayVec;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -68,16 +69,21 @@ impl Rays<'_> {
         1.0 / self.taken.len() as f64
     }
 
-    /// Adds N(x_r) v_r of the rays of a word, which all have a hit that counts: the first ray's number, their bits, and hits.
+    /// Adds N(x_r) v_r of the rays of a word that count: the first ray's number, their bits, and hits. Gives the others.
     #[inline(always)]
     fn add_known<const N: usize, const B: usize, T: Number>(
         &self,
         source: Source<'_, T>,
         (first, bits, hits): (usize, u64, Run<'_>),
         sums: &mut [[f64; B]; N],
-    ) {
+    ) -> ArrayVec<(usize, Hit), WORD> {
         let (mut local, share, spots) = (*sums, self.share(), &self.table.spots);
+        let mut others = ArrayVec::new();
         for (bit, hit) in set_bits(bits).zip(hits.iter()) {
+            if !self.counts(hit) {
+                others.push((first + bit, hit));
+                continue;
+            }
             let (functions, weight) = (&self.table.points.functions[first + bit], self.weight(share, first + bit));
             let value = source.known_value::<N, B>(hit, spots);
             for k in 0..N {
@@ -88,6 +94,7 @@ impl Rays<'_> {
             }
         }
         *sums = local;
+        others
     }
 }
 
@@ -167,7 +174,7 @@ impl Sampled {
         y: &mut MultiVector,
         put: impl Fn(&mut [f64], Range<usize>, &[f64]) + Sync,
     ) {
-        let row = self.row_for(source.lanes);
+        let row = self.row_for(source.lanes());
         self.by_rows(|cell, index, work| row(self, cell, index, source, take, work), y, put);
     }
 
@@ -197,17 +204,24 @@ impl Sampled {
             }
             out
         };
-        let chunks = 0..self.direct.len();
-        for first in chunks.clone().step_by(AT_ONCE) {
-            let some = first..(first + AT_ONCE).min(chunks.end);
-            let results: Vec<Vec<f64>> = some.clone().into_par_iter().map(of_chunk).collect();
+        let mut put_all = |some: Range<usize>, results: &[Vec<f64>]| {
             y.as_mut_slice().par_chunks_mut(height).enumerate().for_each(|(band, column)| {
-                for (chunk, result) in some.clone().zip(&results) {
+                for (chunk, result) in some.clone().zip(results) {
                     let rows = rows_of(chunk);
                     put(column, rows.clone(), &result[band * rows.len()..(band + 1) * rows.len()]);
                 }
             });
+        };
+        // Bands are no multiple of threads: those that have nothing to put go on with the next chunks.
+        let chunks = 0..self.direct.len();
+        let mut waiting = (0..0, Vec::new());
+        for first in chunks.clone().step_by(AT_ONCE) {
+            let some = first..(first + AT_ONCE).min(chunks.end);
+            let results = || some.clone().into_par_iter().map(of_chunk).collect();
+            let ((), results) = rayon::join(|| put_all(waiting.0.clone(), &waiting.1), results);
+            waiting = (some, results);
         }
+        put_all(waiting.0, &waiting.1);
     }
 
     /// [`row`] with loops of known length, where there are.
@@ -243,54 +257,60 @@ impl Sampled {
         source: Source<'_, T>,
         work: &mut Work,
     ) -> Found {
-        let [n, bands] = known::<N, B>(rays.table.element.dofs(), source.lanes);
+        let [n, bands] = known::<N, B>(rays.table.element.dofs(), source.lanes());
         work.fit[..n * bands].fill(0.0);
         work.rest[..n * bands].fill(0.0);
-        let value = &mut work.value[..bands];
-        let (mut found, share) = (Found::default(), rays.share());
-        // Sums of words of rays that all count, where lengths are known: they stay in registers.
+        let mut found = Found::default();
+        // Sums of rays that count, where lengths are known: they stay in registers.
         let mut known_fit = [[0.0; B]; N];
         for (first, bits, hits) in rays.ended.words(rays.taken.clone()) {
             source.ask_for::<N, B>(&self.cells, hits);
-            if N > 0 && B > 0 && hits.iter().all(|hit| rays.counts(hit)) {
-                rays.add_known(source, (first, bits, hits), &mut known_fit);
-                continue;
-            }
-            for (bit, hit) in set_bits(bits).zip(hits.iter()) {
-                let ray = first + bit;
-                let (functions, weight) = (&rays.table.points.functions[ray], rays.weight(share, ray));
-                let counts = rays.counts(hit);
-                let lamp = hit.is_lamp() && !counts;
-                if !counts {
-                    add_outer(found.excluded.get_or_insert_default(), weight, &functions[..n]);
-                }
-                if !(counts || lamp) {
-                    continue;
-                }
-                if N == 1 && !lamp {
-                    let values = &source.values[source.place::<N, B>(&self.cells, hit.cell())];
-                    work.fit[..bands].iter_mut().zip(values).for_each(|(sum, &v)| *sum += weight * v.into());
-                    continue;
-                }
-                let spots = if N > 0 { &rays.table.spots } else { &self.table(hit.cell()).spots };
-                source.evaluate::<N, B>(&self.cells, hit, spots, value);
-                let sums = if lamp {
-                    let of = self.lamps.of(hit.cell()).unwrap_or(0);
-                    value.iter_mut().zip(&source.means[of * bands..]).for_each(|(v, mean)| *v -= mean);
-                    found.lamp = true;
-                    &mut work.rest
-                } else {
-                    &mut work.fit
-                };
-                for (sums, function) in sums.chunks_exact_mut(bands).zip(&functions[..n]) {
-                    sums.iter_mut().zip(&*value).for_each(|(sum, v)| *sum += weight * function * v);
-                }
+            let others: ArrayVec<_, WORD> = if N > 0 && B > 0 {
+                rays.add_known(source, (first, bits, hits), &mut known_fit)
+            } else {
+                set_bits(bits).map(|bit| first + bit).zip(hits.iter()).collect()
+            };
+            for (ray, hit) in others {
+                self.read_one::<N, B, T>(rays, source, (ray, hit), &mut found, work);
             }
         }
         for (sum, known) in work.fit.iter_mut().zip(known_fit.iter().flatten()) {
             *sum += known;
         }
         found
+    }
+
+    /// Adds N(x_r) v_r of one ray, as [`read`](Self::read).
+    fn read_one<const N: usize, const B: usize, T: Number>(
+        &self,
+        rays: &Rays<'_>,
+        source: Source<'_, T>,
+        (ray, hit): (usize, Hit),
+        found: &mut Found,
+        work: &mut Work,
+    ) {
+        let [n, bands] = known::<N, B>(rays.table.element.dofs(), source.lanes());
+        let (functions, weight) = (&rays.table.points.functions[ray][..n], rays.weight(rays.share(), ray));
+        let counts = rays.counts(hit);
+        if !counts {
+            add_outer(found.excluded.get_or_insert_default(), weight, functions);
+            if !hit.is_lamp() {
+                return;
+            }
+        }
+        let (value, spots) = (&mut work.value[..bands], &self.table(hit.cell()).spots);
+        source.evaluate::<N, B>(&self.cells, hit, spots, value);
+        let sums = if counts {
+            &mut work.fit
+        } else {
+            let of = self.lamps.of(hit.cell()).unwrap_or(0);
+            value.iter_mut().zip(&source.means[of * bands..]).for_each(|(v, mean)| *v -= mean);
+            found.lamp = true;
+            &mut work.rest
+        };
+        for (sums, function) in sums.chunks_exact_mut(bands).zip(functions) {
+            sums.iter_mut().zip(&*value).for_each(|(sum, v)| *sum += weight * function * v);
+        }
     }
 
     /// `work.result` = Δ `work.fit`.
@@ -412,12 +432,12 @@ fn row<const N: usize, const B: usize, T: Number>(
     let (free, among_lamps) = met(ended, taken.clone());
     let rays = Rays { table, ended, taken, free, among_lamps, stretch };
     let found = sampled.read::<N, B, T>(&rays, source, work);
-    table.fit::<N, B>(&rays, take, &found, source.lanes, work);
+    table.fit::<N, B>(&rays, take, &found, source.lanes(), work);
     work.cast_hits = cast;
     let of_lamps = (!among_lamps).then(|| sampled.direct[cell / CHUNK].values_of(index, take));
     let lamps = of_lamps.as_ref().map_or(Lit::NOT, |values| sampled.lamps_of(cell, index).with(values));
     sampled.combine::<N, B>(cell, lamps, source.means, found.lamp, work);
-    sampled.integrate::<N, B>(cell, source.lanes, work);
+    sampled.integrate::<N, B>(cell, source.lanes(), work);
 }
 
 /// The numbers of functions and of bands, as constants where they are known.

@@ -1,7 +1,8 @@
 //! What a product is applied to: coefficients as rays want to read them.
 //!
 //! The bands of a coefficient stand side by side, in whole registers, in large pages. Coefficients that are numbers of single
-//! precision, as those of a search are, are kept as such: half the memory to read, and the same bits.
+//! precision, as those of a search are, are kept as such: half the memory to read, and the same bits. Those of a cell that fit into a line of the cache
+//! lie in one, if all cells have as many: 48 bytes one after the other would lie in two every other time.
 
 #![expect(clippy::inline_always, reason = "loops must be compiled where their lengths are known")]
 
@@ -18,8 +19,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Numbers of a register.
 const REGISTER: usize = 4;
-/// Rows whose bands are set side by side at a time: few enough for the nearest cache.
-const TURNED: usize = 128;
+/// Groups whose bands are set side by side at a time: few enough for the nearest cache.
+const TURNED: usize = 64;
+/// Bytes of a line of the cache.
+const LINE: usize = 64;
 
 /// A number that coefficients may be.
 pub(super) trait Number: Pod + Send + Sync + Into<f64> {
@@ -44,9 +47,33 @@ pub(super) fn lanes_for(bands: usize) -> usize {
     if bands < REGISTER - 1 { bands } else { bands.next_multiple_of(REGISTER) }
 }
 
+/// Where numbers stand: coefficients in groups, those of a cell if all cells have as many, else one by one.
+#[derive(Debug, Clone, Copy)]
+struct Layout {
+    /// Coefficients of a group.
+    group: usize,
+    /// Places for the bands of a coefficient; those beyond the bands hold zeros.
+    lanes: usize,
+    /// Places from group to group.
+    stride: usize,
+}
+
+impl Layout {
+    fn new<T>(cells: &Cells, lanes: usize) -> Self {
+        let group = cells.alike().unwrap_or(1);
+        let numbers = group * lanes;
+        let fits = numbers * size_of::<T>() <= LINE;
+        Self { group, lanes, stride: if fits { numbers.next_power_of_two() } else { numbers } }
+    }
+
+    fn place(&self, dof: usize) -> usize {
+        dof / self.group * self.stride + dof % self.group * self.lanes
+    }
+}
+
 /// Coefficients with the bands of each side by side.
 pub(super) struct Coefficients<T> {
-    lanes: usize,
+    layout: Layout,
     values: Pages<T>,
     means: Vec<f64>,
 }
@@ -54,8 +81,7 @@ pub(super) struct Coefficients<T> {
 /// The same, to be read.
 #[derive(Clone, Copy)]
 pub(super) struct Source<'a, T> {
-    /// Places for the bands of a coefficient; those beyond the bands hold zeros.
-    pub(super) lanes: usize,
+    layout: Layout,
     pub(super) values: &'a [T],
     /// For each lamp, its mean in every lane.
     pub(super) means: &'a [f64],
@@ -70,38 +96,52 @@ impl<T: Number> Coefficients<T> {
         value: impl Fn(usize, usize) -> f64 + Sync,
     ) -> (Self, bool) {
         let (lanes, exact) = (lanes_for(bands), AtomicBool::new(true));
-        let mut values: Pages<T> = Pages::zeroed(cells.unknowns() * lanes);
-        values.par_chunks_mut(lanes.max(1) * TURNED).enumerate().for_each(|(part, values)| {
+        let layout = Layout::new::<T>(cells, lanes);
+        let Layout { group, stride, .. } = layout;
+        let mut values: Pages<T> = Pages::zeroed(cells.unknowns().div_ceil(group) * stride);
+        values.par_chunks_mut(stride.max(1) * TURNED).enumerate().for_each(|(part, values)| {
             if !exact.load(Ordering::Relaxed) {
                 return;
             }
             let mut all = true;
             for band in 0..bands {
-                for (k, place) in values[band..].iter_mut().step_by(lanes).enumerate() {
-                    let value = value(part * TURNED + k, band);
-                    *place = T::nearest(value);
-                    // What is not a number is not single, but is itself.
-                    all &= (*place).into().to_bits() == value.to_bits();
+                for (k, values) in values.chunks_exact_mut(stride).enumerate() {
+                    for (function, place) in values[band..].iter_mut().step_by(lanes).take(group).enumerate() {
+                        let value = value((part * TURNED + k) * group + function, band);
+                        *place = T::nearest(value);
+                        // What is not a number is not single, but is itself.
+                        all &= (*place).into().to_bits() == value.to_bits();
+                    }
                 }
             }
             exact.fetch_and(all, Ordering::Relaxed);
         });
-        let means = lamps.means(cells, [bands, lanes], |dof, band| values[dof * lanes + band].into());
-        (Self { lanes, values, means }, exact.into_inner())
+        let means = lamps.means(cells, [bands, lanes], |dof, band| values[layout.place(dof) + band].into());
+        (Self { layout, values, means }, exact.into_inner())
     }
 
     pub(super) fn source(&self) -> Source<'_, T> {
-        Source { lanes: self.lanes, values: &self.values, means: &self.means }
+        Source { layout: self.layout, values: &self.values, means: &self.means }
     }
 }
 
 impl<T: Number> Source<'_, T> {
+    /// Places for the bands of a coefficient; those beyond the bands hold zeros.
+    pub(super) fn lanes(&self) -> usize {
+        self.layout.lanes
+    }
+
     /// Where the coefficients of a cell begin and how many numbers they are.
     #[inline(always)]
     pub(super) fn place<const N: usize, const B: usize>(&self, cells: &Cells, cell: usize) -> Range<usize> {
-        let lanes = if B > 0 { B } else { self.lanes };
-        let range = if N > 0 { cell * N..(cell + 1) * N } else { cells.range(cell) };
-        range.start * lanes..range.end * lanes
+        let lanes = if B > 0 { B } else { self.layout.lanes };
+        if N > 0 {
+            let start = cell * self.layout.stride;
+            return start..start + N * lanes;
+        }
+        let range = cells.range(cell);
+        let start = self.layout.place(range.start);
+        start..start + range.len() * lanes
     }
 
     /// Asks for the coefficients that rays will read, so that the memory has them on their way.
@@ -110,7 +150,9 @@ impl<T: Number> Source<'_, T> {
         for hit in hits.iter() {
             let place = self.place::<N, B>(cells, hit.cell());
             prefetch(self.values, place.start);
-            prefetch(self.values, place.end - 1);
+            if self.layout.stride * size_of::<T>() > LINE || N == 0 {
+                prefetch(self.values, place.end - 1);
+            }
         }
     }
 
@@ -133,7 +175,7 @@ impl<T: Number> Source<'_, T> {
     /// The same, if all cells have N functions and there are B lanes.
     #[inline(always)]
     pub(super) fn known_value<const N: usize, const B: usize>(&self, hit: Hit, spots: &Spots) -> [f64; B] {
-        let values = &self.values[hit.cell() * N * B..][..N * B];
+        let values = &self.values[hit.cell() * self.layout.stride..][..N * B];
         let functions = &spots.functions(hit.spot())[..N];
         let mut sum = [0.0; B];
         for k in 0..N {

@@ -1,7 +1,7 @@
 //! Other materials on the same operator.
 
 use super::super::MaterialsError;
-use super::super::operators::{Join, preconditioner};
+use super::super::operators::{Join, RoughInverse};
 use super::super::products::Products;
 use super::System;
 use crate::exchange::Exchange;
@@ -70,7 +70,7 @@ impl System {
             return;
         }
         self.join = Join::of(&self.space, &self.mass);
-        self.preconditioner = Arc::from(preconditioner(&self.join, &self.mass_inverse));
+        self.rough = Arc::new(RoughInverse::new(&self.join, [&self.mass, &self.mass_inverse]));
         self.known = Products::default();
     }
 }

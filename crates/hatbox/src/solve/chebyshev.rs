@@ -1,0 +1,102 @@
+use crate::linalg::{Csr, MultiVector};
+use rayon::prelude::*;
+
+/// Rows of a piece of work.
+const ROWS: usize = 1 << 13;
+/// Bands that stand side by side.
+const LANES: usize = 4;
+/// More steps than this are not made.
+const MOST_STEPS: u32 = 100;
+
+/// A symmetric positive definite matrix A, and what is known of D⁻¹ A, D being its diagonal.
+#[derive(Debug, Clone, Copy)]
+pub struct Scaled<'a> {
+    /// A.
+    pub matrix: &'a Csr,
+    /// The numbers of D⁻¹.
+    pub inverse_diagonal: &'a [f64],
+    /// Between which its eigenvalues lie, both positive.
+    pub spectrum: [f64; 2],
+}
+
+/// Approximates the solution of A x = b by Chebyshev's semi-iteration (Golub and Varga 1961): so many steps that the error is
+/// `tolerance` of that of x = 0 in the norm of A. What `x` held before does not matter. It begins with b over the sums of
+/// the rows' absolute values, which is never worse than 0, and exact for constants where no number of A is negative.
+///
+/// It has no inner products, so that a step is one pass over matrix and vectors, and it is linear in b. For mass matrices,
+/// whose spectra are known, it takes half the time of conjugate gradients (A. Wathen and T. Rees, "Chebyshev semi-iteration
+/// in preconditioning for problems including the mass matrix", ETNA 34, 2009). Eigenvalues a little outside do little harm:
+/// what they leave is for [`cg()`](super::cg()), which sees the true residual.
+///
+/// # Panics
+/// If the dimensions of the arguments do not match.
+pub fn chebyshev(a: &Scaled<'_>, rhs: &MultiVector, x: &mut MultiVector, tolerance: f64) {
+    match rhs.bands() {
+        1 => by_lanes::<1>(a, rhs, x, tolerance),
+        _ => by_lanes::<LANES>(a, rhs, x, tolerance),
+    }
+}
+
+/// So many bands at a time.
+fn by_lanes<const L: usize>(a: &Scaled<'_>, rhs: &MultiVector, x: &mut MultiVector, tolerance: f64) {
+    let [least, greatest] = a.spectrum;
+    let (middle, half) = (0.5 * (greatest + least), 0.5 * (greatest - least));
+    for first in (0..rhs.bands()).step_by(L) {
+        let of_row = |row: usize| {
+            let of_lane = |lane| if first + lane < rhs.bands() { rhs.band(first + lane)[row] } else { 0.0 };
+            std::array::from_fn(of_lane)
+        };
+        let b: Vec<[f64; L]> = (0..rhs.rows()).into_par_iter().with_min_len(ROWS).map(of_row).collect();
+        let begun = |(row, b): (usize, &[f64; L])| {
+            let sum: f64 = a.matrix.row(row).map(|(_, value)| value.abs()).sum();
+            b.map(|b| b / sum)
+        };
+        let mut solution: Vec<[f64; L]> = b.par_iter().enumerate().with_min_len(ROWS).map(begun).collect();
+        let [mut step, mut next] = [(); 2].map(|()| vec![[0.0; L]; rhs.rows()]);
+        let (mut rho, mut shares) = (half / middle, [0.0, 1.0 / middle]);
+        for _ in 0..steps(a.spectrum, tolerance) {
+            advance(a, shares, [&b, &solution], &mut step, &mut next);
+            std::mem::swap(&mut solution, &mut next);
+            let before = rho;
+            rho = half / (2.0 * middle - half * before);
+            shares = [rho * before, if half > 0.0 { 2.0 * rho / half } else { 0.0 }];
+        }
+        for lane in 0..L.min(rhs.bands() - first) {
+            let numbers = solution.par_iter().with_min_len(ROWS);
+            x.band_mut(first + lane).par_iter_mut().zip(numbers).for_each(|(x, numbers)| *x = numbers[lane]);
+        }
+    }
+}
+
+/// The least k with 2 qᵏ ≤ tolerance, q = (√κ − 1)/(√κ + 1).
+fn steps([least, greatest]: [f64; 2], tolerance: f64) -> u32 {
+    let root = (greatest / least).sqrt();
+    let rate = (root - 1.0) / (root + 1.0);
+    let steps = (0.5 * tolerance).ln() / rate.ln();
+    if rate > 0.0 { steps.ceil().clamp(1.0, f64::from(MOST_STEPS)) as u32 } else { 1 }
+}
+
+/// d ← α d + β D⁻¹ (b − A x), next = x + d.
+fn advance<const L: usize>(
+    a: &Scaled<'_>,
+    [again, along]: [f64; 2],
+    [b, x]: [&[[f64; L]]; 2],
+    step: &mut [[f64; L]],
+    next: &mut [[f64; L]],
+) {
+    let parts = step.par_chunks_mut(ROWS).zip(next.par_chunks_mut(ROWS));
+    parts.enumerate().for_each(|(part, (step, next))| {
+        for (place, (step, next)) in step.iter_mut().zip(next).enumerate() {
+            let row = part * ROWS + place;
+            let mut rest = b[row];
+            for (column, value) in a.matrix.row(row) {
+                rest.iter_mut().zip(&x[column]).for_each(|(rest, x)| *rest -= value * x);
+            }
+            let weight = along * a.inverse_diagonal[row];
+            for lane in 0..L {
+                step[lane] = again * step[lane] + weight * rest[lane];
+                next[lane] = x[row][lane] + step[lane];
+            }
+        }
+    });
+}
