@@ -112,15 +112,9 @@ fn run(name: &str, elements: usize, kind: &str, tolerance: f64) {
         system.set_materials(materials, options.continuity).expect("the same cells");
         let solver = system.best_solver();
         let (_, info) = system.solve(solver, &system.solver_params(solver), &Silent).expect("solved again");
-        eprintln!("T all {:?}", started.elapsed());
-        eprintln!("T all {:?}", started.elapsed());
         [format!("{:.1}", started.elapsed().as_secs_f64()), info.iterations.to_string()]
     };
-    eprintln!("RELIGHT");
-    eprintln!("RELIGHT");
     let [relight, relit] = again(&|_, material| Material { exitance: tinted(&material.exitance), ..material.clone() });
-    eprintln!("REPAINT");
-    eprintln!("REPAINT");
     let [repaint, repainted] = again(&|k, material| {
         let darker = if k.is_multiple_of(3) { tinted(&material.reflectance) } else { material.reflectance.clone() };
         Material { reflectance: darker, ..material.clone() }

@@ -4,6 +4,7 @@
 mod meshes;
 
 use hatbox::element::{ALL, Basis};
+use hatbox::linalg::{LinearOperator, MultiVector};
 use hatbox::mesh::Refinement;
 use hatbox::progress::Silent;
 use hatbox::radiosity::{Error, Options, Solved, System, solve};
@@ -251,6 +252,24 @@ fn what_is_covered_sees_nothing_and_the_rest_of_the_room_is_closed() {
             assert!((covered - twice).abs() < 1e-9, "{name}: {covered}");
             let error = solved.error.expect("asked for").relative;
             assert!(error < 1e-4, "{name}: the estimate is {error}");
+        }
+    }
+}
+
+/// Numbers of a cell are padded to lines of the cache where all cells have as many; here they have three or four.
+#[test]
+fn many_bands_on_triangles_and_quads_are_each_what_they_are_alone() {
+    let sampled = hatbox::exchange::kind("sampled").expect("a kind");
+    let options = Options { operator: sampled, error_points: 0, ..options(&ALL[2], 300, 0.02) };
+    let system = System::build(&box_in_a_corner(|p| p), &options, &Silent).expect("built");
+    let space = &system.space;
+    assert!([3, 4].iter().all(|&count| (0..space.cells()).any(|cell| space.range(cell).len() == count)));
+    let value = |dof: usize, band: usize| ((7 * dof + 5 * band) % 16) as f64;
+    for bands in 1..=17 {
+        let together = system.exchange.times(&MultiVector::from_fn(space.broken_dofs(), bands, value));
+        let last = MultiVector::from_fn(space.broken_dofs(), 1, |dof, _| value(dof, bands - 1));
+        for (a, b) in together.band(bands - 1).iter().zip(system.exchange.times(&last).band(0)) {
+            assert!((a - b).abs() <= 1e-12 * b.abs(), "{bands} bands: {a} {b}");
         }
     }
 }

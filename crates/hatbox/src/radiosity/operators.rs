@@ -101,14 +101,15 @@ impl LinearOperator for Mass<'_> {
 pub(super) enum RoughInverse {
     /// Exact, where nothing is joined.
     Blocks(BlockDiagonal),
-    /// The inverse of the diagonal. With it the matrix has its eigenvalues in `spectrum`, but for hanging nodes.
-    Diagonal { inverse: Diagonal, spectrum: [f64; 2] },
+    /// The inverse of the diagonal of the joined matrix. With it that has its eigenvalues in `spectrum`, but for hanging nodes.
+    Diagonal { joined: Arc<Csr>, inverse: Diagonal, spectrum: [f64; 2] },
 }
 
 impl RoughInverse {
     pub(super) fn new(join: &Join, [mass, inverse]: [&BlockDiagonal; 2]) -> Self {
         match &join.matrices {
             Some([.., joined]) => Self::Diagonal {
+                joined: Arc::clone(joined),
                 inverse: Diagonal(joined.diagonal().into_iter().map(|d| 1.0 / d).collect()),
                 spectrum: mass.scaled_spectrum(),
             },
@@ -137,16 +138,15 @@ impl LinearOperator for InverseMass<'_> {
         self.mass.rows()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        match (self.rough, &self.mass.join.matrices) {
-            (RoughInverse::Diagonal { inverse, spectrum }, Some([.., joined])) => {
+        match self.rough {
+            RoughInverse::Blocks(inverse) => inverse.apply(x, y),
+            RoughInverse::Diagonal { joined, inverse, spectrum } => {
                 let scaled = Scaled { matrix: joined, inverse_diagonal: &inverse.0, spectrum: *spectrum };
                 chebyshev(&scaled, x, y, self.tolerance);
                 let params = Params { tolerance: self.tolerance, max_iterations: 200, ..Params::default() };
                 // Rounding may keep it from the last digit; what is reached is what can be.
                 let _ = cg(&**joined, inverse, x, y, &params, &Silent);
             }
-            (RoughInverse::Diagonal { inverse, .. }, None) => inverse.apply(x, y),
-            (RoughInverse::Blocks(inverse), _) => inverse.apply(x, y),
         }
     }
 }

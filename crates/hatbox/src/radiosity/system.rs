@@ -30,8 +30,8 @@ const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-3];
 /// The mass matrix of joined functions is inverted to these relative residuals: beside an exact operator, and beside a sampled
 /// one, whose noise is a million times that.
 const MASS_TOLERANCES: [f64; 2] = [1e-13, 1e-10];
-/// The same for directions of a search. A product leaves far more of the residual, but with fewer digits the constant light of
-/// a furnace is found to fewer than it takes no work to have.
+/// The same for directions of a search. A product leaves far more of the residual; but the light of a furnace, which is
+/// constant, is found to this in a few products, whatever the solver's tolerance.
 const ROUGH_MASS_TOLERANCE: f64 = 1e-5;
 /// Bounces that Neumann's iteration may take at the most.
 const MOST_BOUNCES: usize = 100_000;

@@ -23,14 +23,16 @@ pub struct Scaled<'a> {
 /// `tolerance` of that of x = 0 in the norm of A. What `x` held before does not matter. It begins with b over the sums of
 /// the rows' absolute values, which is never worse than 0, and exact for constants where no number of A is negative.
 ///
-/// It has no inner products, so that a step is one pass over matrix and vectors, and it is linear in b. For mass matrices,
-/// whose spectra are known, it takes half the time of conjugate gradients (A. Wathen and T. Rees, "Chebyshev semi-iteration
-/// in preconditioning for problems including the mass matrix", ETNA 34, 2009). Eigenvalues a little outside do little harm:
-/// what they leave is for [`cg()`](super::cg()), which sees the true residual.
+/// It has no inner products, so that a step is one pass over matrix and vectors, and it is linear in b: the way to invert
+/// mass matrices, whose spectra are known (A. Wathen and T. Rees, "Chebyshev semi-iteration in preconditioning for problems
+/// including the mass matrix", ETNA 34, 2009). The error is not what it should be where eigenvalues lie outside the spectrum,
+/// and grows if some exceed the sum of its ends, or where it takes more than a hundred steps: [`cg()`](super::cg()) sees the true
+/// residual, and goes on from there.
 ///
 /// # Panics
 /// If the dimensions of the arguments do not match.
 pub fn chebyshev(a: &Scaled<'_>, rhs: &MultiVector, x: &mut MultiVector, tolerance: f64) {
+    assert_eq!((x.rows(), x.bands()), (rhs.rows(), rhs.bands()), "vectors of the same size");
     match rhs.bands() {
         1 => by_lanes::<1>(a, rhs, x, tolerance),
         _ => by_lanes::<LANES>(a, rhs, x, tolerance),

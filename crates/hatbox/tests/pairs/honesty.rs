@@ -215,6 +215,29 @@ fn the_error_of_touching_pairs_left_to_rays_is_within_the_estimate() {
     assert!(failures.iter().all(|&count| count as f64 <= most), "{failures:?} of {}", SEEDS * heights.len() as u64);
 }
 
+/// The light of each function of panels of unequal size, in either order, of which a screen hides some.
+#[test]
+fn touching_panels_left_to_rays_have_the_block_that_is_cut_out() {
+    let triangle = |corners: [DVec3; 3]| {
+        let [a, b, c] = corners;
+        panel([a, b, c, c], ALL[1].element(Shape::Triangle).expect("linear functions"))
+    };
+    let floor = triangle([DVec3::ZERO, 2.0 * DVec3::X, DVec3::Y]);
+    let wall = triangle([DVec3::ZERO, DVec3::Y, 0.3 * DVec3::Z]);
+    let at = |x: f64, z: f64| DVec3::new(x, 0.4, z);
+    let screen = vec![at(0.0, 0.0), at(3.0, 0.0), at(3.0, 3.0), at(0.0, 3.0)];
+    for [a, b] in [[&floor, &wall], [&wall, &floor]] {
+        let scene = |seed| Scene { seed, a: a.clone(), b: b.clone(), blockers: vec![screen.clone()] };
+        let truth = scene(0).block(1e-7);
+        assert!(truth.sum() < 0.9 * scene(0).clear(), "something is hidden");
+        for seed in 0..20 {
+            let block = scene(seed).sampled(1e-3);
+            let (error, reported) = (distance(&block, &truth), block.quadrature_error + block.visibility_error);
+            assert!(error <= 2.0 * reported && reported < 0.02 * truth.sum(), "{seed}: {error:e} {reported:e}");
+        }
+    }
+}
+
 /// A room that is walled up stays dark to the last bit.
 #[test]
 fn pairs_of_which_no_ray_sees_anything_exchange_nothing() {

@@ -6,7 +6,9 @@
 //! shadow lies. One number per pair would put the shadow's light in the wrong corner.
 //!
 //! Most pairs are sampled evenly in area. Next to an edge that panels share, G has no bound, and even points overlook what is
-//! thin and right in the corner. So pairs with an uneven G are sampled by it ([`Kernel`]): every ray stands for as much light.
+//! thin and right in the corner. So pairs that touch, or have an uneven G, are sampled by it ([`Kernel`]): every ray stands for as
+//! much light. (Not if less than a hundredth of the smaller panel's directions meet the other, as where faces are nearly in one
+//! plane: those are sampled evenly.)
 //!
 //! Before, all pairs were sampled evenly, and by the mean visibility ΣVG/ΣG times S⁰, which is about β = 1 − V̄: of
 //! walls that share an edge it had all the noise of G next to the edge.
@@ -19,7 +21,6 @@ use crate::kernel::{Frame, geometric};
 use crate::quadrature::sequence::{hash, point};
 use crate::visibility::PACKET;
 use glam::DVec3;
-use std::ops::Range;
 
 /// Independent point sets whose spread is the error estimate.
 const SETS: usize = 8;
@@ -38,10 +39,9 @@ const TOUCHING: f64 = 0.25;
 const UNEVEN: f64 = 0.5;
 /// Directions from a point of one panel, of which fewer meet the other than this, are too many to try.
 const LEAST_MET: f64 = 0.01;
-/// Directions that are tried for a ray, so many that one meets the other panel, if any does.
+/// Directions that are tried for a ray. One in a hundred meets the other panel at the least: that none of these does has a
+/// chance of 1e-71, and then an even point is taken.
 const MOST_TRIED: u32 = 1 << 14;
-/// A variance below this part of the mean square is rounding.
-const ROUNDING: f64 = 1e-12;
 
 /// Which of up to [`PACKET`] segments are blocked, as bits.
 type Hides<'a> = &'a dyn Fn(&[DVec3], &[DVec3]) -> u32;
@@ -66,12 +66,13 @@ impl Sampling<'_> {
         let kernel = if self.touches() { Kernel::new(self, total) } else { None };
         let mut points = Points { pair: self, kernel, seed: self.seed(), next: [0; SETS] };
         let mut sums = Sums::new(self, total);
-        let (mut done, mut target) = (0, FIRST);
+        let (mut done, mut target, mut tried) = (0, FIRST, 0);
         loop {
-            self.round(done..target, &mut points, &mut sums, hides);
+            self.round((target - done) as usize, &mut points, &mut sums, hides);
             if done == 0 && points.kernel.is_none() && sums.worth() <= UNEVEN * f64::from(sums.samples) {
                 points.kernel = Kernel::new(self, total);
                 if points.kernel.is_some() {
+                    tried = sums.samples;
                     sums = Sums::new(self, total);
                     continue;
                 }
@@ -79,16 +80,20 @@ impl Sampling<'_> {
             let error = sums.error();
             if error <= allowed || sums.samples >= self.accuracy.max_rays {
                 // Less than what was allowed is not claimed: rays were doubled until it looked so.
-                return Block { visibility_error: error.max(allowed), rays: sums.samples, ..sums.combine(unoccluded) };
+                return Block {
+                    visibility_error: error.max(allowed),
+                    rays: tried + sums.samples,
+                    ..sums.combine(unoccluded)
+                };
             }
             (done, target) = (target, 2 * target);
         }
     }
 
-    /// Adds the points of a range of each set, as many at once as rays go together.
-    fn round(&self, range: Range<u32>, points: &mut Points<'_>, sums: &mut Sums, hides: Hides<'_>) {
-        let all = SETS * range.len();
-        let set = |k: usize| k / range.len();
+    /// Adds so many points of each set, as many at once as rays go together.
+    fn round(&self, new: usize, points: &mut Points<'_>, sums: &mut Sums, hides: Hides<'_>) {
+        let all = SETS * new;
+        let set = |k: usize| k / new;
         let (mut from, mut to, mut g) = ([DVec3::ZERO; PACKET], [DVec3::ZERO; PACKET], [0.0; PACKET]);
         for first in (0..all).step_by(PACKET) {
             let count = PACKET.min(all - first);
@@ -250,7 +255,8 @@ impl Sums {
     fn slope(&self) -> f64 {
         let (n, [all, hidden], [square, both]) = (f64::from(self.samples), self.both(), self.squares);
         let variance = n * square - all * all;
-        if variance > ROUNDING * n * square {
+        // What n terms of a sum leave of an even G is rounding.
+        if variance > n * f64::EPSILON * n * square {
             ((n * both - hidden * all) / variance).clamp(0.0, 1.0)
         } else {
             hidden / all.max(f64::MIN_POSITIVE)

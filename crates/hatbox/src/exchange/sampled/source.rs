@@ -1,8 +1,9 @@
 //! What a product is applied to: coefficients as rays want to read them.
 //!
 //! The bands of a coefficient stand side by side, in whole registers, in large pages. Coefficients that are numbers of single
-//! precision, as those of a search are, are kept as such: half the memory to read, and the same bits. Those of a cell that fit into a line of the cache
-//! lie in one, if all cells have as many: 48 bytes one after the other would lie in two every other time.
+//! precision, as those of a search are, are kept as such: less memory to read, and the same bits. If all cells have as many,
+//! those of a cell that fit into a line of the cache begin where none but they are in it (in large pages, which are what lines
+//! matter for): 48 bytes one after the other would lie in two lines every other time.
 
 #![expect(clippy::inline_always, reason = "loops must be compiled where their lengths are known")]
 
@@ -60,9 +61,10 @@ struct Layout {
 
 impl Layout {
     fn new<T>(cells: &Cells, lanes: usize) -> Self {
-        let group = cells.alike().unwrap_or(1);
+        let (alike, group) = (cells.alike().is_some(), cells.alike().unwrap_or(1));
         let numbers = group * lanes;
-        let fits = numbers * size_of::<T>() <= LINE;
+        // Without groups, coefficients of a cell follow each other.
+        let fits = alike && numbers * size_of::<T>() <= LINE;
         Self { group, lanes, stride: if fits { numbers.next_power_of_two() } else { numbers } }
     }
 
