@@ -145,3 +145,16 @@ fn dot_part(a: &[f64], b: &[f64]) -> f64 {
     let rest: f64 = a_rest.iter().zip(b_rest).map(|(x, y)| x * y).sum();
     lanes.iter().sum::<f64>() + rest
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_product_has_all_its_pieces() {
+        let length = 3 * LEAST_NUMBERS + 5;
+        let [a, b] = [7, 11].map(|modulus| (0..length).map(|k| (k % modulus) as f64).collect::<Vec<f64>>());
+        let sum: usize = (0..length).map(|k| (k % 7) * (k % 11)).sum();
+        assert_eq!(dot(&a, &b), sum as f64);
+    }
+}

@@ -124,7 +124,6 @@ impl RoughInverse {
 /// too, at the price of a product with S each time. To add what the equation gives on a thousand clusters of cells was tried
 /// and dropped, since it saved few steps: what is left after a step is as rough as the noise of the rays.
 pub(super) struct InverseMass<'a> {
-    pub(super) mass: Mass<'a>,
     pub(super) rough: &'a RoughInverse,
     /// Relative residual.
     pub(super) tolerance: f64,
@@ -132,10 +131,13 @@ pub(super) struct InverseMass<'a> {
 
 impl LinearOperator for InverseMass<'_> {
     fn rows(&self) -> usize {
-        self.mass.rows()
+        match self.rough {
+            RoughInverse::Blocks(inverse) => inverse.rows(),
+            RoughInverse::Diagonal { joined, .. } => joined.rows(),
+        }
     }
     fn cols(&self) -> usize {
-        self.mass.rows()
+        self.rows()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
         match self.rough {

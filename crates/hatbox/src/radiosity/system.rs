@@ -561,6 +561,6 @@ impl System {
 
     fn inverse_mass(&self) -> InverseMass<'_> {
         let tolerance = MASS_TOLERANCES[usize::from(!self.exchange.is_symmetric())];
-        InverseMass { mass: self.joined_mass(), rough: &self.rough, tolerance }
+        InverseMass { rough: &self.rough, tolerance }
     }
 }

@@ -298,6 +298,11 @@ impl Sampled {
                 return;
             }
         }
+        if N == 1 && counts {
+            let values = source.of_cell::<N, B>(&self.cells, hit.cell());
+            work.fit[..bands].iter_mut().zip(values).for_each(|(sum, &v)| *sum += weight * v.into());
+            return;
+        }
         let (value, spots) = (&mut work.value[..bands], &self.table(hit.cell()).spots);
         source.evaluate::<N, B>(&self.cells, hit, spots, value);
         let sums = if counts {

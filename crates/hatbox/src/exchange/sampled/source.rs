@@ -135,7 +135,7 @@ impl<T: Number> Source<'_, T> {
 
     /// Where the coefficients of a cell begin and how many numbers they are.
     #[inline(always)]
-    pub(super) fn place<const N: usize, const B: usize>(&self, cells: &Cells, cell: usize) -> Range<usize> {
+    fn place<const N: usize, const B: usize>(&self, cells: &Cells, cell: usize) -> Range<usize> {
         let lanes = if B > 0 { B } else { self.layout.lanes };
         if N > 0 {
             let start = cell * self.layout.stride;
@@ -158,6 +158,12 @@ impl<T: Number> Source<'_, T> {
         }
     }
 
+    /// The coefficients of a cell.
+    #[inline(always)]
+    pub(super) fn of_cell<const N: usize, const B: usize>(&self, cells: &Cells, cell: usize) -> &[T] {
+        &self.values[self.place::<N, B>(cells, cell)]
+    }
+
     /// The function's value where a ray ended, for every band.
     #[inline(always)]
     pub(super) fn evaluate<const N: usize, const B: usize>(
@@ -167,7 +173,7 @@ impl<T: Number> Source<'_, T> {
         spots: &Spots,
         out: &mut [f64],
     ) {
-        let values = &self.values[self.place::<N, B>(cells, hit.cell())];
+        let values = self.of_cell::<N, B>(cells, hit.cell());
         out.fill(0.0);
         for (values, function) in values.chunks_exact(out.len()).zip(spots.functions(hit.spot())) {
             out.iter_mut().zip(values).for_each(|(out, &value)| *out += function * value.into());
