@@ -110,6 +110,42 @@ fn a_furnace_glows_uniformly_in_every_basis() {
     }
 }
 
+/// A drum of so many walls, seen from inside, its floor and ceiling cut into needles from one corner as from an n-gon of a file.
+fn drum(walls: usize) -> hatbox::mesh::Mesh {
+    let mut mesh = hatbox::mesh::Mesh::default();
+    let rim = |k: usize, z: f64| {
+        let (sin, cos) = (std::f64::consts::TAU * k as f64 / walls as f64).sin_cos();
+        glam::DVec3::new(cos, sin, z)
+    };
+    for k in 0..walls {
+        let (here, next) = (k, (k + 1) % walls);
+        meshes::face(&mut mesh, &[rim(next, 0.0), rim(here, 0.0), rim(here, 2.0), rim(next, 2.0)], 0);
+        if k > 0 && k + 1 < walls {
+            meshes::face(&mut mesh, &[rim(0, 0.0), rim(here, 0.0), rim(next, 0.0)], 0);
+            meshes::face(&mut mesh, &[rim(0, 2.0), rim(next, 2.0), rim(here, 2.0)], 0);
+        }
+    }
+    mesh
+}
+
+/// Needles that touch walls were integrated so wrongly that rows were off by 15 % and the light of a bright drum by as much.
+#[test]
+fn a_bright_drum_whose_floor_is_cut_into_needles_is_a_furnace() {
+    for basis in [&ALL[1], &ALL[3]] {
+        let materials = vec![Material { exitance: Quantity::gray(0.01), ..Material::diffuse("white", 0.99) }];
+        let scene = Scene::new(drum(48), materials, Physics::Light, None).expect("a valid scene");
+        let loose = Options { tolerance: 0.1, refinement: Refinement::None, ..options(basis, 0, 0.1) };
+        let solved =
+            solve(&scene, &Options { operator: hatbox::exchange::kind("dense").expect("a kind"), ..loose }, &Silent)
+                .expect("solved");
+        let closure = solved.closure;
+        assert!(closure.balanced && closure.deficit < 0.02, "{}: {closure:?}", basis.name);
+        for b in solved.solution.radiosity.as_slice() {
+            assert!((b - 1.0).abs() < 1e-6, "{}: {b}", basis.name);
+        }
+    }
+}
+
 #[test]
 fn galerkins_method_conserves_power_on_every_mesh_and_in_every_basis() {
     for basis in &ALL {

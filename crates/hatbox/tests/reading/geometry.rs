@@ -42,3 +42,34 @@ fn stl_is_read_as_text_and_as_bytes_whatever_its_header_says() {
         assert_eq!((scene.mesh.area(), scene.mesh.patch(0).normal()), (1.0, DVec3::Z));
     }
 }
+
+/// Their triangles were taken for the face, without a word.
+#[test]
+fn faces_that_cross_themselves_are_named() {
+    let corners = ["0 0 0", "1 0 0", "0 1 0", "1 1 0", "2 3 0"];
+    let obj = |face: &str| {
+        let vertices: String = corners.iter().map(|corner| format!("v {corner}\n")).collect();
+        format!("o kite\n{vertices}f 1 2 3\n{face}\n{face}\n")
+    };
+    let ply = |count: usize, face: &str| {
+        let header = format!(
+            "ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nproperty float y\nproperty float z"
+        );
+        format!(
+            "{header}\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n{}\n{face}\n",
+            corners[..count].join("\n")
+        )
+    };
+    for (name, text, crossing) in [
+        ("bow.obj", obj("f 1 2 3 4"), "line 8 (object `kite`): 2 faces cross themselves"),
+        ("star.obj", obj("f 1 2 3 4 5"), "line 8 (object `kite`): 2 faces cross themselves"),
+        ("bow.ply", ply(4, "4 0 1 2 3"), "face 0: 1 face crosses itself"),
+        ("house.obj", obj("f 1 2 4 5 3"), ""),
+        ("square.ply", ply(4, "4 0 1 3 2"), ""),
+    ] {
+        let scene = Files::new(&[(name, text.as_bytes())]).read(name).expect("right");
+        let told = scene.warnings.iter().find(|warning| warning.contains("cross"));
+        assert_eq!(told.is_some(), !crossing.is_empty(), "{name}: {:?}", scene.warnings);
+        assert!(told.is_none_or(|told| told.contains(crossing)), "{name}: {told:?}");
+    }
+}

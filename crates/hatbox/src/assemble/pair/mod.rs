@@ -5,7 +5,7 @@
 //! | coplanar, behind each other, or proven hidden | exactly 0 |
 //! | far | symmetric Gauss on both sides, of the smallest degree whose a-priori error is small enough |
 //! | near, constant functions on both sides | integrals along the edges (`contour`) |
-//! | sharing an edge or a corner, uncut | Sauter–Schwab, order n raised until two orders agree |
+//! | sharing an edge, uncut, and neither a needle | Sauter–Schwab, order n raised until two orders agree |
 //! | near, or cut by the other's horizon | closed-form inner integral, adaptive outer rule |
 //! | near, and no closed form (bilinear on a trapezium) | the pair is subdivided |
 //! | partially hidden by a few convex polygons | the visible part cut out and integrated in closed form (`clipped`) |

@@ -1,4 +1,5 @@
 use super::ReadError;
+use super::polygon::{Piece, crosses_itself, pieces};
 use crate::element::Shape;
 use crate::mesh::{Cell, Mesh, Patch};
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
@@ -24,6 +25,8 @@ pub(super) struct MeshBuilder {
     has_uvs: bool,
     has_normals: bool,
     flat: usize,
+    /// How many faces cross themselves, and where the first is.
+    crossing: Option<(usize, String)>,
 }
 
 /// Faces whose area is less than this times the square of their longest edge have none but rounding's.
@@ -47,6 +50,18 @@ impl MeshBuilder {
         index
     }
 
+    /// The cells that a polygon is cut into, as places of corners. One that crosses itself is remembered by its `place` in the file.
+    pub(super) fn cut(&mut self, corners: &[DVec3], place: impl FnOnce() -> String) -> Vec<(Shape, [usize; 4])> {
+        if crosses_itself(corners) {
+            self.crossing.get_or_insert_with(|| (0, place())).0 += 1;
+        }
+        let cell = |piece| match piece {
+            Piece::Triangle([a, b, c]) => (Shape::Triangle, [a, b, c, c]),
+            Piece::Quad(quad) => (Shape::Quad, quad),
+        };
+        pieces(corners).into_iter().map(cell).collect()
+    }
+
     /// Adds a face, unless it has no area.
     pub(super) fn face(&mut self, face: Face) {
         let patch = Patch::new(face.shape, face.vertices.map(|v| self.mesh.vertices[v as usize]));
@@ -63,7 +78,7 @@ impl MeshBuilder {
         self.has_normals |= face.normals.is_some();
     }
 
-    /// The mesh; `warnings` learns of faces without area.
+    /// The mesh; `warnings` learns of faces without area, and of those that cross themselves.
     pub(super) fn finish(mut self, file: &Path, warnings: &mut Vec<String>) -> Result<Mesh, ReadError> {
         if self.mesh.cells.is_empty() {
             let reason = match self.flat {
@@ -74,6 +89,14 @@ impl MeshBuilder {
         }
         if self.flat > 0 {
             warnings.push(format!("{}: {} faces have no area and were left out", file.display(), self.flat));
+        }
+        if let Some((count, place)) = &self.crossing {
+            let they = if *count == 1 { "1 face crosses itself" } else { &*format!("{count} faces cross themselves") };
+            warnings.push(format!(
+                "{}, {place}: {they}, like a bow tie, and no triangles are what it is meant to be; give its corners in the order \
+                 in which they lie around it",
+                file.display()
+            ));
         }
         if self.mesh.vertices.len() > u32::MAX as usize {
             return Err(ReadError::new(file, "", "it has more than 2^32 vertices", "split the scene"));

@@ -2,9 +2,7 @@
 //! otherwise.
 
 use super::builder::{Face, MeshBuilder};
-use super::polygon::{self, Piece};
 use super::{RawScene, ReadError, files};
-use crate::element::Shape;
 use glam::DVec3;
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
@@ -59,11 +57,7 @@ pub(super) fn read(file: &Path) -> Result<RawScene, ReadError> {
     for (k, face) in faces.iter().enumerate() {
         let corners = corners(file, k, face, vertices)?;
         let points: Vec<DVec3> = corners.iter().map(|&corner| vertices[corner as usize].position).collect();
-        for piece in polygon::pieces(&points) {
-            let (shape, picked) = match piece {
-                Piece::Triangle([a, b, c]) => (Shape::Triangle, [a, b, c, c]),
-                Piece::Quad(quad) => (Shape::Quad, quad),
-            };
+        for (shape, picked) in builder.cut(&points, || format!("face {k}")) {
             let vertices = picked.map(|k| corners[k]);
             builder.face(Face { shape, vertices, uvs: None, normals: None, material: 0, group });
         }

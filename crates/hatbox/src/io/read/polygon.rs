@@ -22,6 +22,18 @@ pub(super) fn pieces(corners: &[DVec3]) -> Vec<Piece> {
     }
 }
 
+/// Whether two edges of a polygon cross each other; that corners touch edges (as a bridge to a hole does) is no crossing.
+pub(super) fn crosses_itself(corners: &[DVec3]) -> bool {
+    let n = corners.len();
+    if n < 4 {
+        return false;
+    }
+    let flat = project(corners);
+    let edge = |k: usize| [flat[k], flat[(k + 1) % n]];
+    let apart = |[a, b]: [DVec2; 2], [p, q]: [DVec2; 2]| turn(a, b, p) * turn(a, b, q) < 0.0;
+    (0..n).any(|i| (i + 2..n).any(|j| apart(edge(i), edge(j)) && apart(edge(j), edge(i))))
+}
+
 /// The corners in the plane of their mean normal (Newell's), counter-clockwise.
 fn project(corners: &[DVec3]) -> Vec<DVec2> {
     let origin = corners[0];

@@ -11,7 +11,6 @@ mod line;
 mod mtl;
 
 use super::builder::{Face, MeshBuilder};
-use super::polygon::{self, Piece};
 use super::{DEFAULT_REFLECTANCE, RawScene, ReadError, files};
 use crate::element::Shape;
 use crate::scene::{Material, Physics};
@@ -130,11 +129,7 @@ impl<'a> Reader<'a> {
         let material = self.current_material();
         let name = self.group_name().to_owned();
         let group = self.builder.group(&name);
-        for piece in polygon::pieces(&points) {
-            let (shape, picked) = match piece {
-                Piece::Triangle([a, b, c]) => (Shape::Triangle, [a, b, c, c]),
-                Piece::Quad(quad) => (Shape::Quad, quad),
-            };
+        for (shape, picked) in self.builder.cut(&points, || format!("{} (object `{name}`)", line.place())) {
             self.piece(shape, picked.map(|k| corners[k]), material, group);
         }
         Ok(())

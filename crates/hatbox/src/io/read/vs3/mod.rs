@@ -20,9 +20,7 @@ mod holes;
 mod statement;
 
 use super::builder::{Face, MeshBuilder};
-use super::polygon::{self, Piece};
 use super::{RawScene, ReadError, files};
-use crate::element::Shape;
 use crate::scene::{Material, Physics};
 use glam::DVec3;
 use statement::Statement;
@@ -254,7 +252,7 @@ impl<'a> Reader<'a> {
             let group = builder.group(self.places.get(&entry.combined).map_or(name, |&place| &names[place]));
             let holes = parts.get(&entry.number).into_iter().flatten().copied();
             for piece in holes::without(&entry.corners, holes) {
-                add(&mut builder, &piece, materials.len() as u32, group);
+                add(&mut builder, &piece, entry.number, materials.len() as u32, group);
             }
             let blocks_only = entry.kind != Kind::Radiating;
             materials.push(Material { blocks_only, ..Material::diffuse(name, 1.0 - entry.emittance) });
@@ -290,14 +288,10 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Adds a polygon to the mesh.
-fn add(builder: &mut MeshBuilder, corners: &[DVec3], material: u32, group: u32) {
+/// Adds a part of a surface to the mesh.
+fn add(builder: &mut MeshBuilder, corners: &[DVec3], number: usize, material: u32, group: u32) {
     let vertices: Vec<u32> = corners.iter().map(|&corner| builder.vertex(corner)).collect();
-    for piece in polygon::pieces(corners) {
-        let (shape, picked) = match piece {
-            Piece::Triangle([a, b, c]) => (Shape::Triangle, [a, b, c, c]),
-            Piece::Quad(quad) => (Shape::Quad, quad),
-        };
+    for (shape, picked) in builder.cut(corners, || format!("surface {number}")) {
         let vertices = picked.map(|k| vertices[k]);
         builder.face(Face { shape, vertices, uvs: None, normals: None, material, group });
     }
