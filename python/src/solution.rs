@@ -8,6 +8,7 @@ use crate::scene::Scene;
 use crate::system;
 use glam::DVec3;
 use hatbox::bake::bake;
+use hatbox::certificate::certify;
 use hatbox::io::{self, WriteOptions, npz};
 use hatbox::probe::Probe;
 use hatbox::radiosity::{self, Shown};
@@ -108,6 +109,17 @@ impl Solution {
     fn report(&self) -> PyResult<Option<String>> {
         let text = self.report.as_ref().map(serde_json::to_string).transpose();
         text.map_err(|error| PyRuntimeError::new_err(error.to_string()))
+    }
+
+    /// What the error is at most: bound, residual, reflectance, number of receivers.
+    fn certify(
+        &self,
+        py: Python<'_>,
+        threads: Option<usize>,
+        reporter: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<(f64, f64, f64, usize)> {
+        let found = run(py, threads, reporter, &Arc::default(), |progress| certify(&self.solution, progress))?;
+        Ok((found.relative, found.residual, found.reflectance, found.receivers))
     }
 
     /// E and B at points with normals.

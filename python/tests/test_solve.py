@@ -86,6 +86,14 @@ def test_the_error_may_count_in_one_place(focus: str | list[list[float]]) -> Non
     assert solution.report["adaptivity"]["reached"]
 
 
+def test_a_certificate_is_more_than_the_estimate() -> None:
+    solution = hatbox.solve(cube(0.5), "constant", elements=48)
+    found = solution.certify(threads=1)
+    assert solution.error is not None
+    assert solution.error.estimate < found.bound < 1
+    assert found.bound == pytest.approx(found.residual / (1 - found.reflectance))
+
+
 def test_gathering_moves_the_values_a_little() -> None:
     plain = hatbox.solve(cube(), elements=60, error_points=0)
     gathered = plain.system.solve(error_points=0, gather=True)

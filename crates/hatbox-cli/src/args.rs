@@ -79,6 +79,12 @@ pub(crate) struct SolveArgs {
     /// Where the error counts: a material, an object, or a box X,Y,Z;X,Y,Z. Elsewhere only as far as it matters there
     #[arg(long, value_name = "NAME|BOX", conflicts_with_all = ["max_edge", "elements"], allow_hyphen_values = true)]
     pub(crate) focus: Option<String>,
+    /// Also prove what the error is at most: far more than the estimate, and many times the work
+    ///
+    /// The residual is bounded all over each element, with proven visibility, and divided by 1 less the greatest reflectance.
+    /// Materials must be uniform.
+    #[arg(long)]
+    pub(crate) certify: bool,
     /// Gather the light once more at the vertices of the output: half an order more accurate there, with sharper shadows; between
     /// them it is interpolated, and may be less accurate than without
     #[arg(long)]

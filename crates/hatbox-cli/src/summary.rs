@@ -63,6 +63,7 @@ pub(crate) fn solve(path: &Path, done: &Done, style: Style) -> String {
         ),
     );
     error(&mut lines, report);
+    certificate(&mut lines, report);
     written(&mut lines, &done.outputs);
     if done.outputs.is_empty() {
         lines.line("Written", &style.faint("nothing; name files with -o, such as -o lit.glb or -o picture.png"));
@@ -157,6 +158,21 @@ fn operator(lines: &mut Lines, report: &Report) {
             lines.more("if that is not noise of rays, faces may lie on each other: `hatbox check` says so");
         }
     }
+}
+
+fn certificate(lines: &mut Lines, report: &Report) {
+    let Some(found) = &report.certificate else { return };
+    lines.line(
+        "Certified",
+        &format!(
+            "at most {} (residual at most {}, greatest reflectance {:.3}), on {} parts of elements, {}",
+            percent(found.bound),
+            percent(found.residual),
+            found.reflectance,
+            count(found.receivers as u64),
+            seconds(found.seconds)
+        ),
+    );
 }
 
 fn error(lines: &mut Lines, report: &Report) {

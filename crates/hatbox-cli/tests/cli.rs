@@ -170,6 +170,25 @@ fn a_tolerance_is_reached_or_it_is_said_that_it_is_not() {
 }
 
 #[test]
+fn a_certificate_says_more_than_the_estimate_and_what_has_none_is_refused_before_the_work() {
+    let solve = |scene: &Path, more: &[&str]| {
+        let mut command = hatbox();
+        command.arg("solve").arg(scene).arg("--certify").args(more);
+        command
+    };
+    let given = ["--elements", "48", "--basis", "constant"];
+    let report = json(solve(&sample(CUBE), &given).arg("--json"));
+    let [estimate, bound] = [&report["error"]["estimate"], &report["certificate"]["bound"]].map(|n| n.as_f64());
+    assert!(estimate.is_some() && bound > estimate && bound < Some(1.0), "{report:#}");
+    let text = text(&succeed(&mut solve(&sample(CUBE), &given)).stdout);
+    assert!(text.contains("Certified at most"), "{text}");
+    let folder = Folder::new();
+    let trapezium = folder.file("floor.obj", "v 0 0 0\nv 1 0 0\nv 0.7 1 0\nv 0.2 1 0\nf 1 2 3 4\n");
+    fail(&folder, 1, &mut solve(&trapezium, &["--elements", "10"]), &["cell 0", "split the quads"]);
+    succeed(&mut solve(&trapezium, &["--elements", "10", "--basis", "constant"]));
+}
+
+#[test]
 fn joined_functions_that_cannot_follow_bends_are_named() {
     let folder = Folder::new();
     folder.file("roof.mtl", "newmtl lamp\nKd 0 0 0\nKe 1 1 1\nnewmtl roof\nKd 0.5 0.5 0.5\n");

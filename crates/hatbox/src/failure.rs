@@ -4,6 +4,7 @@
 //! like (underlined, in colour, as an exception) is theirs.
 
 use crate::adapt::{Focus, NothingInFocus};
+use crate::certificate::CertifyError;
 use crate::exchange::ExchangeError;
 use crate::io::atomic::AtomicError;
 use crate::io::checkpoint::CheckpointError;
@@ -149,6 +150,21 @@ impl From<radiosity::Error> for Failure {
                  of the solvers, gmres and cg do not count bounces",
             ),
             _ => Self::new(error.to_string()),
+        }
+    }
+}
+
+impl From<CertifyError> for Failure {
+    fn from(error: CertifyError) -> Self {
+        match error {
+            CertifyError::Interrupted(_) => Self::Interrupted,
+            CertifyError::Varying(_) => {
+                Self::with_help(error.to_string(), "give its mean instead of a texture, or no certificate")
+            }
+            CertifyError::Warped(_) => Self::with_help(
+                error.to_string(),
+                "with a tolerance alone elements are triangles; or take constant functions, or split the quads of the mesh",
+            ),
         }
     }
 }

@@ -157,6 +157,7 @@
 pub mod adapt;
 pub mod assemble;
 pub mod bake;
+pub mod certificate;
 pub mod check;
 pub mod element;
 pub mod exchange;

@@ -5,12 +5,14 @@
 //! (lm, lx or W, W/m²), lengths in metres, errors and fractions relative to 1, and lists have one entry per band.
 
 use crate::adapt::{self, Adapted};
+use crate::certificate::Certificate;
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::mesh::Mesh;
 use crate::radiosity::{Solution, Solved};
 use crate::scene::{Physics, Scene};
 use serde::Serialize;
 use std::collections::HashMap;
+use std::time::Duration;
 
 /// What is known after a solve.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -39,6 +41,8 @@ pub struct Report {
     pub closure: ClosureReport,
     /// How wrong the solution may be; `None` if nobody asked.
     pub error: Option<ErrorReport>,
+    /// What the error is proven not to exceed, if that was asked for.
+    pub certificate: Option<CertificateReport>,
     /// How the mesh was refined; `None` if it was given.
     pub adaptivity: Option<AdaptivityReport>,
 }
@@ -178,6 +182,29 @@ pub struct ClosureReport {
     pub factor: f64,
 }
 
+/// A bound of the error of the solution.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct CertificateReport {
+    /// The relative L2 error of the reflected light, at the most.
+    pub bound: f64,
+    /// The relative residual of the equation, at the most, in the worst band.
+    pub residual: f64,
+    /// The greatest reflectance in that band: the bound is the residual's divided by 1 less it.
+    pub reflectance: f64,
+    /// Parts of elements on which it was bounded.
+    pub receivers: usize,
+    /// Time that took.
+    pub seconds: f64,
+}
+
+impl CertificateReport {
+    /// From a bound and the time it took.
+    pub fn new(found: &Certificate, time: Duration) -> Self {
+        let Certificate { relative, residual, reflectance, receivers } = *found;
+        Self { bound: relative, residual, reflectance, receivers, seconds: time.as_secs_f64() }
+    }
+}
+
 /// How wrong the solution may be.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ErrorReport {
@@ -249,6 +276,7 @@ impl Report {
                 balanced: solved.closure.balanced,
                 factor: solved.closure.factor,
             },
+            certificate: None,
             error: solved.error.map(|e| ErrorReport {
                 kind: "estimated",
                 estimate: e.relative,

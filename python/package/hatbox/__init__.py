@@ -19,7 +19,7 @@ Arrays have the bands (one, the three of RGB, or any number) on their last axis.
 from ._factors import view_factors
 from ._native import BASES, CLOSURES, CONTINUITIES, FORMATS, OPERATORS, OUTPUTS, SOLVERS, HatboxError, __version__
 from ._scene import HatboxWarning, Scene
-from ._solution import Energy, ErrorEstimate, Probed, Solution, Triangles, solve
+from ._solution import Certificate, Energy, ErrorEstimate, Probed, Solution, Triangles, solve
 from ._system import PairBlock, System, element_nodes, shape_functions
 
 __all__ = [
@@ -31,6 +31,7 @@ __all__ = [
     "OUTPUTS",
     "SOLVERS",
     "Energy",
+    "Certificate",
     "ErrorEstimate",
     "HatboxError",
     "HatboxWarning",

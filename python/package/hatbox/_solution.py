@@ -89,6 +89,19 @@ class ErrorEstimate:
     """Relative residual that the solver left."""
 
 
+class Certificate(NamedTuple):
+    """What the error of a solution is proven not to exceed, in the worst band."""
+
+    bound: float
+    """‖B − B̃‖ / ‖B̃ − B⁰‖, the relative L2 error of the reflected light, at the most."""
+    residual: float
+    """The relative residual of the equation, at the most. The bound is this, divided by 1 − reflectance."""
+    reflectance: float
+    """The greatest reflectance."""
+    receivers: int
+    """Number of parts of elements on which the residual was bounded."""
+
+
 class Solution:
     """Radiosity B and irradiance E as functions on the N cells of a subdivided scene.
 
@@ -198,6 +211,18 @@ class Solution:
         """The estimated error; `None` if it was not asked for."""
         found = self.report["error"]
         return None if found is None else ErrorEstimate(**{k: v for k, v in found.items() if k != "kind"})
+
+    def certify(self, *, threads: int | None = None, progress: bool = False) -> Certificate:
+        """Proves what the error is at most: far more than the estimate, and many times the work.
+
+        Raises:
+            HatboxError: A material varies from place to place, or a cell is a quad that is no parallelogram and its functions
+                are not constant.
+            KeyboardInterrupt: Ctrl-C.
+        """
+        threads = count("threads", threads)
+        with bar(progress) as reporter:
+            return Certificate(*self._native.certify(threads, reporter))
 
     def probe(
         self,

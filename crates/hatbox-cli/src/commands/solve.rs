@@ -7,11 +7,12 @@ use crate::progress::Bars;
 use crate::style::Style;
 use crate::{options, output, summary};
 use hatbox::adapt;
+use hatbox::certificate::{certifiable, certify};
 use hatbox::io::checkpoint::{Checkpoint, identity};
 use hatbox::io::{self, WriteOptions};
 use hatbox::progress::Progress;
 use hatbox::radiosity::{self, Solution, gathered, solve};
-use hatbox::report::Report;
+use hatbox::report::{CertificateReport, Report};
 use hatbox::scene::Scene;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -43,12 +44,16 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
     // 2. The scene.
     let (scene, warnings) = io::read_scene(&args.scene.path)?;
     output::warn(&warnings);
+    let adaptive = options::adaptive(args);
+    if args.certify {
+        certifiable(&scene, options::solve(args).basis, adaptive.is_some())?;
+    }
     // 3. The light in it.
     let bars = Bars::new(talk.shows_progress());
     let checkpoint = args.checkpoint.as_deref().map(|path| checkpoint(path, &scene, args, &bars)).transpose()?;
     let progress: &dyn Progress = checkpoint.as_ref().map_or(&bars, |checkpoint| checkpoint);
     let failure = |error: radiosity::Error| Failure::from(error).in_file(&args.scene.path);
-    let (solution, report) = if let Some(options) = options::adaptive(args) {
+    let (solution, mut report) = if let Some(options) = adaptive {
         options.check_focus(&scene)?;
         let adapted = adapt::solve(&scene, &options, progress).map_err(failure)?;
         let report = Report::adapted(&scene, &options, &adapted);
@@ -58,6 +63,11 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
         let report = Report::new(&scene, &solved);
         (solved.solution, report)
     };
+    if args.certify {
+        let started = Instant::now();
+        let found = certify(&solution, progress)?;
+        report.certificate = Some(CertificateReport::new(&found, started.elapsed()));
+    }
     let solution = if args.gather { gathered(&solution, args.run.seed, progress)? } else { solution };
     // 4. The files.
     let shown = options::shown(solution, &args.view);

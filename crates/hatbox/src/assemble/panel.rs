@@ -114,6 +114,22 @@ impl Panel {
         values
     }
 
+    /// The function with these coefficients as a polynomial of the [plane](Self::plane)'s coordinates; `None` where it is
+    /// none.
+    pub(crate) fn polynomial(&self, coefficients: &[f64]) -> Option<Polynomial> {
+        let functions = self.functions.as_ref()?;
+        let mut sum = [0.0; 6];
+        for (c, f) in coefficients.iter().zip(functions) {
+            sum.iter_mut().zip(f).for_each(|(sum, f)| *sum += c * f);
+        }
+        Some(sum)
+    }
+
+    /// The plane and its coordinates.
+    pub(crate) fn plane(&self) -> &Plane {
+        &self.plane
+    }
+
     /// Degree of the shape functions as polynomials of the plane; 2 for those that are none.
     pub(super) fn functions_degree(&self) -> usize {
         if self.functions.is_some() { self.element.degree } else { 2 }

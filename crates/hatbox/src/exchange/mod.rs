@@ -19,10 +19,12 @@ pub use choice::{AUTO, Problem, choose};
 pub use closure::{
     Arriving, Balanced, Closure, Escape, GREATEST_DEFICIT, arriving, escape, escapes, rays_per_cell, scatter,
 };
+pub(crate) use dense::Between;
 pub use dense::{Dense, Panorama, PointRow, RowFacts, Viewpoint, Views};
 pub use hierarchical::Hierarchical;
 pub use norm::norm;
 pub use sampled::Sampled;
+pub(crate) use sealed::is_sealed;
 
 use crate::assemble::{Accuracy, Panel};
 use crate::linalg::{Csr, LinearOperator, MultiVector};

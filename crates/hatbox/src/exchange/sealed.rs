@@ -20,7 +20,7 @@ use std::cell::Cell;
 const RAYS: u32 = 3;
 
 /// Whether the topology says that light from every cell only meets fronts of cells.
-pub(super) fn is_sealed(geometry: &Geometry<'_>) -> bool {
+pub(crate) fn is_sealed(geometry: &Geometry<'_>) -> bool {
     let mesh = &geometry.scene.mesh;
     // What only blocks light has no cells; sheets have two.
     if receiving_sides(geometry.scene).iter().any(|&sides| sides != [true, false]) {

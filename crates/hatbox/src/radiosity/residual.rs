@@ -13,8 +13,8 @@
 //!   g − B̃, with g = Δ⁻¹(b⁰ + M_R e) in the broken space: joined functions leave it. The operator's errors are not in it;
 //!   their means over parts of the scene (`means`) are measured at the same points. Both are reflected with the same S.
 //!
-//! The estimate is the root of ‖r‖² + 2⟨r, p⟩ + ‖p‖². What is reported is *estimated*: a bound with conservative parts
-//! would be called certified, and nothing here is.
+//! The estimate is the root of ‖r‖² + 2⟨r, p⟩ + ‖p‖². What is reported is *estimated*: points prove nothing. What is certified is
+//! another module's (`certificate`, which is above this one).
 //!
 //! Tried and dropped: p from means over parts alone. Beside an edge r has one sign on both faces, which reflect it to each
 //! other; in an empty cube the estimate was too small, with any number of points. ‖r‖/(1 − ρ) with the emitted over

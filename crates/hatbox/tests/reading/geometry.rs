@@ -48,7 +48,7 @@ fn stl_is_read_as_text_and_as_bytes_whatever_its_header_says() {
 fn faces_that_cross_themselves_are_named() {
     let corners = ["0 0 0", "1 0 0", "0 1 0", "1 1 0", "2 3 0"];
     let obj = |face: &str| {
-        let vertices: String = corners.iter().map(|corner| format!("v {corner}\n")).collect();
+        let vertices = corners.map(|corner| format!("v {corner}\n")).concat();
         format!("o kite\n{vertices}f 1 2 3\n{face}\n{face}\n")
     };
     let ply = |count: usize, face: &str| {

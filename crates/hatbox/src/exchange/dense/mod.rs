@@ -15,7 +15,7 @@ mod views;
 
 pub use facts::RowFacts;
 pub use panorama::Panorama;
-pub(super) use views::Between;
+pub(crate) use views::Between;
 pub use views::{PointRow, Viewpoint, Views};
 
 use super::{Exchange, ExchangeError, Geometry, Params, Statistics};

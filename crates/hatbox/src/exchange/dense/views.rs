@@ -14,7 +14,7 @@ const MAX_CLIPPED: usize = 16;
 
 /// What may stand in a view.
 #[derive(Clone, Copy)]
-pub(in crate::exchange) enum Between<'a> {
+pub(crate) enum Between<'a> {
     /// Nothing, by proof.
     Nothing,
     /// These polygons, and no others.
@@ -104,7 +104,7 @@ impl Views<'_> {
     /// What of `inherited` may stand between two bodies, except the polygons of `skip`; `None` if the whole view is hidden.
     ///
     /// The box around both and the blockers' own planes settle most of what is inherited before the shaft is made.
-    pub(in crate::exchange) fn between<'b>(
+    pub(crate) fn between<'b>(
         &self,
         [a, b]: [&Body; 2],
         skip: [u32; 2],

@@ -1,0 +1,153 @@
+//! What the error is proven not to exceed.
+
+#[expect(dead_code, reason = "not every test needs every mesh")]
+mod meshes;
+
+use glam::DVec3;
+use hatbox::certificate::{CertifyError, certifiable, certify};
+use hatbox::element::{ALL, Basis};
+use hatbox::exchange;
+use hatbox::mesh::{Mesh, Refinement};
+use hatbox::probe::Probe;
+use hatbox::progress::{Progress, Silent};
+use hatbox::quadrature::sequence::{hash, point};
+use hatbox::radiosity::{Options, Shown, Solution, solve};
+use hatbox::scene::{Material, Physics, Quantity, Scene};
+
+/// Points of the scene at which a solution is compared with the truth, besides one in each cell.
+const POINTS: f64 = 1500.0;
+
+fn scene(mut mesh: Mesh) -> Scene {
+    // What lies at the top and looks down shines.
+    for cell in 0..mesh.cells.len() {
+        let patch = mesh.patch(cell);
+        mesh.cells[cell].material = u32::from(patch.normal().z < -0.9 && patch.center().z > 0.9);
+    }
+    let colour = |values: &[f64]| Quantity::Uniform(values.to_vec());
+    let walls = Material { reflectance: colour(&[0.7, 0.4]), ..Material::diffuse("walls", 0.5) };
+    let lamp = Material { exitance: colour(&[1.0, 2.0]), ..Material::diffuse("lamp", 0.2) };
+    Scene::new(mesh, vec![walls, lamp], Physics::Light, None).expect("a valid scene")
+}
+
+/// A closed cube, and an open one in which a sheet and a box on the floor throw shadows.
+fn scenes() -> [(&'static str, Scene); 2] {
+    let mut furnished = meshes::room(DVec3::ONE, |k| k == 2);
+    furnished.cells.remove(5);
+    let sheet = [[0.2, 0.3], [0.6, 0.3], [0.6, 0.8], [0.2, 0.8]].map(|[x, y]| DVec3::new(x, y, 0.6));
+    meshes::bodies::sheet(&mut furnished, sheet);
+    meshes::bodies::body(&mut furnished, &meshes::CUBE, |p| DVec3::new(0.55, 0.1, 0.0) + 0.25 * p);
+    [("cube", scene(meshes::room(DVec3::ONE, |_| false))), ("furnished", scene(furnished))]
+}
+
+fn solved(scene: &Scene, basis: &'static Basis, elements: usize, tolerance: f64) -> Solution {
+    let options = Options {
+        basis,
+        refinement: Refinement::Elements(elements),
+        tolerance,
+        operator: exchange::kind("dense").expect("a kind"),
+        error_points: 0,
+        ..Options::default()
+    };
+    solve(scene, &options, &Silent).expect("solved").solution
+}
+
+/// ‖B − B̃‖/‖B̃ − B⁰‖, the worst band's, if what is `fine` is reflected once more for the truth.
+fn error(solution: &Solution, fine: &Solution) -> f64 {
+    let mesh = &solution.scene.mesh;
+    let (mut sites, mut places) = (Vec::new(), Vec::new());
+    for cell in 0..mesh.cells.len() {
+        let patch = mesh.patch(cell);
+        let count = 1 + (POINTS * patch.area() / mesh.area()) as u32;
+        for k in 0..count {
+            let [u, v, ..] = point(hash(3, cell as u64), k);
+            let at = patch.shape().uniform([u, v]);
+            sites.push((patch.point(at), patch.normal()));
+            places.push((cell, at, patch.area() / f64::from(count)));
+        }
+    }
+    let truth = Probe::new(fine).values_gathered(&sites, 0, &Silent).expect("gathered");
+    let of = |band: usize| {
+        let (mut wrong, mut light) = (0.0, 0.0);
+        for (k, &(cell, at, area)) in places.iter().enumerate() {
+            let found = solution.evaluate(Shown::Radiosity, cell, at, band);
+            let material = solution.scene.material(cell);
+            let known = material.exitance.uniform(band).expect("uniform")
+                + material.reflectance.uniform(band).expect("uniform") * truth.irradiance.band(band)[k];
+            wrong += area * (found - known).powi(2);
+            light += area * (found - material.exitance.uniform(band).expect("uniform")).powi(2);
+        }
+        (wrong / light).sqrt()
+    };
+    (0..solution.bands()).map(of).fold(0.0, f64::max)
+}
+
+#[test]
+fn the_error_is_never_more_than_what_is_certified() {
+    for (name, scene) in scenes() {
+        let fine = solved(&scene, &ALL[3], 400, 1e-3);
+        for (basis, elements) in [(&ALL[0], 200), (&ALL[1], 200), (&ALL[3], 80)] {
+            let solution = solved(&scene, basis, elements, 1e-3);
+            let found = certify(&solution, &Silent).expect("certified");
+            let truth = error(&solution, &fine);
+            let what = format!("{name}, {}, {elements}: {truth}, {found:?}", basis.name);
+            assert!(truth <= found.relative && truth * (1.0 - found.reflectance) <= found.residual, "{what}");
+            // Were nothing known of visibility or of what a cell receives, it would be several times the light.
+            assert!(found.residual < 0.5, "{what}");
+        }
+    }
+}
+
+/// What points are likely to miss: a small cell that is far too bright.
+#[test]
+fn a_single_wrong_cell_is_in_the_bound() {
+    let [(_, scene), _] = scenes();
+    let mut solution = solved(&scene, &ALL[0], 300, 1e-4);
+    let before = certify(&solution, &Silent).expect("certified");
+    let fine = solved(&scene, &ALL[3], 100, 1e-4);
+    let range = solution.space.range(17);
+    solution.radiosity.band_mut(1)[range].iter_mut().for_each(|value| *value += 10.0);
+    let after = certify(&solution, &Silent).expect("certified");
+    let truth = error(&solution, &fine);
+    assert!(truth > 2.0 * before.relative, "{truth} {before:?}");
+    assert!(truth <= after.relative && after.residual < 3.0 * truth, "{truth} {after:?}");
+}
+
+/// In a furnace nothing is wrong; what is certified is what the bounds lose.
+#[test]
+fn bounds_of_a_furnace_come_from_its_corners_alone() {
+    let material = |name| Material { exitance: Quantity::gray(0.5), ..Material::diffuse(name, 0.5) };
+    let mesh = meshes::room(DVec3::ONE, |_| true);
+    let furnace = Scene::new(mesh, vec![material("white")], Physics::Light, None).expect("valid");
+    let solution = solved(&furnace, &ALL[1], 50, 1e-4);
+    let found = certify(&solution, &Silent).expect("certified");
+    // All differences from the median vanish.
+    assert!(found.relative < 1e-5, "{found:?}");
+}
+
+#[test]
+fn what_cannot_be_certified_is_refused_by_name() {
+    let mut materials = vec![Material::diffuse("painted", 0.5)];
+    materials[0].reflectance = Quantity::function(|site, _| 0.5 * site.position.x);
+    let scene = Scene::new(meshes::room(DVec3::ONE, |_| false), materials, Physics::Light, None).expect("valid");
+    assert_eq!(certifiable(&scene, &ALL[1], true), Err(CertifyError::Varying("painted".to_owned())));
+    let mut mesh = Mesh::default();
+    let trapezium = [[0.0, 0.0], [1.0, 0.0], [0.7, 1.0], [0.2, 1.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
+    meshes::face(&mut mesh, &trapezium, 0);
+    let scene = Scene::new(mesh, vec![Material::diffuse("floor", 0.5)], Physics::Light, None).expect("valid");
+    assert_eq!(certifiable(&scene, &ALL[2], false), Err(CertifyError::Warped(0)));
+    assert_eq!(certifiable(&scene, &ALL[2], true), Ok(()), "refined, it is triangles");
+    assert_eq!(certifiable(&scene, &ALL[0], false), Ok(()), "constants are polynomials anywhere");
+}
+
+#[test]
+fn it_can_be_interrupted() {
+    struct Stop;
+    impl Progress for Stop {
+        fn interrupted(&self) -> bool {
+            true
+        }
+    }
+    let [(_, scene), _] = scenes();
+    let solution = solved(&scene, &ALL[0], 50, 1e-2);
+    assert!(matches!(certify(&solution, &Stop), Err(CertifyError::Interrupted(_))));
+}
