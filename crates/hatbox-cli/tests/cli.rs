@@ -178,7 +178,7 @@ fn a_certificate_says_more_than_the_estimate_and_what_has_none_is_refused_before
     };
     let given = ["--elements", "48", "--basis", "constant"];
     let report = json(solve(&sample(CUBE), &given).arg("--json"));
-    let [estimate, bound] = [&report["error"]["estimate"], &report["certificate"]["bound"]].map(|n| n.as_f64());
+    let [estimate, bound] = [&report["error"]["estimate"], &report["certificate"]["bound"]].map(Value::as_f64);
     assert!(estimate.is_some() && bound > estimate && bound < Some(1.0), "{report:#}");
     let text = text(&succeed(&mut solve(&sample(CUBE), &given)).stdout);
     assert!(text.contains("Certified at most"), "{text}");
