@@ -8,8 +8,8 @@
 //! ```
 //!
 //! ‖r‖ is bounded on receivers, which are cells or parts of them. On each, K B̃ is a linear function and a number by which it is
-//! wrong at the most, anywhere ([`enclosure`]); visibility is proven, and what is not proven to be seen or hidden may be either
-//! ([`sight`]). Receivers whose share of the bound is greatest are quartered until that gains little. So r = q + d with a
+//! wrong at the most, anywhere (`enclosure`); visibility is proven, and what is not proven to be seen or hidden may be either
+//! (`sight`). Receivers whose share of the bound is greatest are quartered until that gains little. So r = q + d with a
 //! polynomial q and |d| ≤ w on each, and ‖r‖ ≤ ‖q‖ + ‖w‖.
 //!
 //! In a scene that is closed by its topology the form factors from every point sum to 1, so that K B̃ = β + K (B̃ − β) for any

@@ -3,10 +3,12 @@ use image::{Rgb, RgbImage};
 
 /// Width and height of a character before magnification.
 const GLYPH: u32 = 8;
-/// Room for "> 123456" and the bar.
+/// Room for the bar, marks, and "123456".
 const PANEL: u32 = 10 * GLYPH;
 /// Left edge and width of the bar in the panel.
 const BAR: (u32, u32) = (6, 10);
+/// Length of a mark, and what is left free behind it: no more, and it would pass for a minus.
+const MARK: (u32, u32) = (2, 6);
 const TEXT: Rgb<u8> = Rgb([230, 230, 230]);
 
 /// How wide the panel of the scale is beside a picture of that height, in pixels.
@@ -58,9 +60,9 @@ impl<'a> Bar<'a> {
         let marks = (self.top / self.step).round() as u32;
         for mark in 0..=marks {
             let y = bottom - (f64::from(bottom - top) * f64::from(mark) / f64::from(marks)).round() as u32;
-            (edge..edge + 3 * zoom).for_each(|x| put(picture, x, y, TEXT));
+            (edge..edge + MARK.0 * zoom).for_each(|x| put(picture, x, y, TEXT));
             let label = self.label(f64::from(mark) * self.step);
-            self.text(picture, &label, edge + 5 * zoom, y.saturating_sub(GLYPH * zoom / 2));
+            self.text(picture, &label, edge + (MARK.0 + MARK.1) * zoom, y.saturating_sub(GLYPH * zoom / 2));
         }
     }
 
