@@ -161,6 +161,11 @@ impl From<CertifyError> for Failure {
             CertifyError::Varying(_) => {
                 Self::with_help(error.to_string(), "give its mean instead of a texture, or no certificate")
             }
+            CertifyError::Lossless(_) => Self::with_help(error.to_string(), "give it a reflectance below 1"),
+            CertifyError::TooMany(_) => {
+                Self::with_help(error.to_string(), "ask for a greater tolerance or fewer elements")
+            }
+            CertifyError::NoNumber(_) | CertifyError::Dark(_) => Self::new(error.to_string()),
             CertifyError::Warped(_) => Self::with_help(
                 error.to_string(),
                 "with a tolerance alone elements are triangles; or take constant functions, or split the quads of the mesh",

@@ -216,8 +216,8 @@ class Solution:
         """Proves what the error is at most: far more than the estimate, and many times the work.
 
         Raises:
-            HatboxError: A material varies from place to place, or a cell is a quad that is no parallelogram and its functions
-                are not constant.
+            HatboxError: A material varies from place to place, or reflects everything; or a cell is a quad that is no
+                parallelogram, and its functions are not constant.
             KeyboardInterrupt: Ctrl-C.
         """
         threads = count("threads", threads)

@@ -63,12 +63,12 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
         let report = Report::new(&scene, &solved);
         (solved.solution, report)
     };
+    let solution = if args.gather { gathered(&solution, args.run.seed, progress)? } else { solution };
     if args.certify {
         let started = Instant::now();
         let found = certify(&solution, progress)?;
         report.certificate = Some(CertificateReport::new(&found, started.elapsed()));
     }
-    let solution = if args.gather { gathered(&solution, args.run.seed, progress)? } else { solution };
     // 4. The files.
     let shown = options::shown(solution, &args.view);
     let outputs = write(&shown, &args.output, &options::write(&args.view, scene.camera, &bars))?;

@@ -61,7 +61,9 @@ pub(super) fn edge(place: &Place<'_>, a: DVec3, b: DVec3) -> Local {
     let over = if d > 1e-12 * length { angle / d } else { (1.0 / s1 - 1.0 / s2).abs() };
     let (odd, ends) = (0.5 * (1.0 / d1 - 1.0 / d2), s2 / d2 - s1 / d1);
     let along = if flat || d == 0.0 { w } else { across * (height / (d * d)) };
-    let gradient = if flat { DVec3::ZERO } else { (along - w) * over } + along * ends + 2.0 * height * odd * t;
+    // In the receiver's plane w is along what leads across, and the first term vanishes without cancellation.
+    let aside = if flat { DVec3::ZERO } else { (along - w) * over };
+    let gradient = aside + along * ends + 2.0 * height * odd * t;
     let rest = if flat { flat_rest(place, [a, b], w, [d1, d2]) } else { rest(place.radius, [s1, s2], [d1, d2], d, w) };
     Local { value: height * over / TAU, gradient: gradient / TAU, rest }
 }

@@ -138,7 +138,7 @@ impl View<'_> {
         let Some(nearest) = visible.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))) else { return };
         let common = leaves[*nearest].piece.mean;
         let whole = self.outline(visible, sight);
-        self.found.add(common, tamed(whole, self.half_space()).unwrap_or_else(|vague| vague));
+        self.found.add(common, Known::of(whole, self.half_space()).local);
         for leaf in visible.iter().map(|&leaf| &leaves[leaf]) {
             self.piece(leaf, &leaf.piece, &common, DEEPEST);
         }
@@ -185,49 +185,24 @@ impl View<'_> {
         let mut local = Local::default();
         (0..piece.corners.len()).for_each(|side| local.add(self.side(piece, side)));
         local.rest = local.rest.min(far_rest(radius, piece.area, nearest));
-        let known = tamed(local, most);
+        let Known { local, is_vague } = Known::of(local, most);
         let factor: [f64; LANES] = std::array::from_fn(|lane| piece.mean[lane] - common[lane]);
-        let (uneven, rest) = self.uneven(piece, most, nearest);
-        let (Ok(local) | Err(local)) = known;
+        let normals = [self.watcher.place.normal, self.group.normal];
+        let [uneven, rest] = uneven(piece, normals, self.watcher.place.center, radius, nearest, most);
         let coarse = (0..LANES).any(|lane| factor[lane].abs() * local.rest + rest[lane] > self.fine[lane]);
         // Pieces that touch the receiver are known no better if they are smaller than it.
-        let least = if known.is_ok() { 0.0 } else { 0.5 * nearest.max(radius) };
+        let least = if is_vague { 0.5 * nearest.max(radius) } else { 0.0 };
         if coarse && deeper > 0 && piece.radius > least {
             self.parts(leaf, piece).iter().for_each(|part| self.piece(leaf, part, common, deeper - 1));
-        } else if known.is_ok() {
+        } else if is_vague {
+            self.vague.add(factor, piece.deviation(), most);
+        } else {
             self.found.add(factor, local);
             for lane in 0..LANES {
                 self.found.value[lane] += uneven[lane];
                 self.found.rest[lane] += rest[lane];
             }
-        } else {
-            self.vague.add(factor, piece.deviation(), most);
         }
-    }
-
-    /// ∫(B − mean) G in the middle of the receiver, and what that may be wrong by anywhere on it. With ρ = y − x between two
-    /// points, |∂G| ≤ 2/π|ρ|³ and |∂²G| ≤ 6/π|ρ|⁴.
-    fn uneven(&self, piece: &Piece, most: f64, nearest: f64) -> ([f64; LANES], [f64; LANES]) {
-        let mut found = ([0.0; LANES], piece.deviation().map(|deviation| deviation * most));
-        if nearest <= 0.0 {
-            return found;
-        }
-        let place = &self.watcher.place;
-        let rho = piece.center - place.center;
-        let (square, here, there) = (rho.length_squared(), place.normal.dot(rho), -self.group.normal.dot(rho));
-        let slope = (place.normal * there - self.group.normal * here - 4.0 * here * there / square * rho)
-            * (FRAC_1_PI / (square * square));
-        let (s, r, share) = (piece.radius, place.radius, FRAC_1_PI * piece.area / nearest.powi(3));
-        for lane in 0..LANES {
-            let curved = piece.curved[lane] * most.min(2.0 * share * s);
-            // Mean squares of distances from the middle are at most a third of s².
-            let straight = piece.slope[lane] * s * s * share * (s + 2.0 * r) / nearest;
-            if straight + curved < found.1[lane] {
-                found.0[lane] = piece.moment[lane].dot(slope);
-                found.1[lane] = straight + curved;
-            }
-        }
-        found
     }
 
     fn parts(&self, leaf: &Leaf, piece: &Piece) -> [Piece; 4] {
@@ -259,11 +234,51 @@ impl View<'_> {
     }
 }
 
-/// A linear function, or else, if that says less, that F is something between 0 and so much.
-fn tamed(local: Local, most: f64) -> Result<Local, Local> {
-    if local.rest < 0.5 * most {
-        Ok(local)
-    } else {
-        Err(Local { value: 0.5 * most, gradient: DVec3::ZERO, rest: 0.5 * most })
+/// ∫(B − mean) G from a piece at the center of a receiver of that radius, and what that may be wrong by anywhere on it, if F is no
+/// more than `most` and no points of the two are nearer than `nearest`. With ρ = y − x between two points, |∂G| ≤ 2/π|ρ|³ and
+/// |∂²G| ≤ 6/π|ρ|⁴.
+pub(super) fn uneven(
+    piece: &Piece,
+    [here, there]: [DVec3; 2],
+    center: DVec3,
+    radius: f64,
+    nearest: f64,
+    most: f64,
+) -> [[f64; LANES]; 2] {
+    let (mut value, mut rest) = ([0.0; LANES], piece.deviation().map(|deviation| deviation * most));
+    if nearest <= 0.0 {
+        return [value, rest];
+    }
+    let rho = piece.center - center;
+    let (square, rises, falls) = (rho.length_squared(), here.dot(rho), -there.dot(rho));
+    let slope = (here * falls - there * rises - 4.0 * rises * falls / square * rho) * (FRAC_1_PI / (square * square));
+    let (size, share) = (piece.radius, FRAC_1_PI * piece.area / nearest.powi(3));
+    for (lane, rest) in rest.iter_mut().enumerate() {
+        let curved = piece.curved[lane] * most.min(2.0 * share * size);
+        // Mean squares of distances from the middle are at most a third of the radius's.
+        let straight = piece.slope[lane] * size * size * share * (size + 2.0 * radius) / nearest;
+        if straight + curved < *rest {
+            value[lane] = piece.moment[lane].dot(slope);
+            *rest = straight + curved;
+        }
+    }
+    [value, rest]
+}
+
+/// A form factor that is no more than `most`.
+struct Known {
+    local: Local,
+    /// Whether it says no more than that.
+    is_vague: bool,
+}
+
+impl Known {
+    fn of(local: Local, most: f64) -> Self {
+        // What is not even a number says nothing either.
+        if local.rest < 0.5 * most {
+            Self { local, is_vague: false }
+        } else {
+            Self { local: Local { value: 0.5 * most, gradient: DVec3::ZERO, rest: 0.5 * most }, is_vague: true }
+        }
     }
 }

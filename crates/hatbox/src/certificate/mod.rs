@@ -15,8 +15,10 @@
 //! In a scene that is closed by its topology the form factors from every point sum to 1, so that K B̃ = β + K (B̃ − β) for any
 //! number β: of what is hardly known, only differences from β matter, the median of B̃.
 //!
-//! Rounding is not bounded step by step: the result has 1e-6 added, and faces that a shaft touches by less than 1e-9 of its size do
-//! not block it, as everywhere here.
+//! What is taken for granted: that faces are as planar as the scene takes them for, since cells that the visibility code has merged into
+//! one polygon (to 1e-7 of its size) are one plane here; that faces that a shaft touches by less than 1e-9 of its size do not block
+//! it; and that a mesh which is a closed surface has the winding number in front of each part that three rays agree about.
+//! Rounding is not bounded step by step: the result has 1e-6 added.
 //!
 //! Lower and upper bounds of radiosity are due to D. Lischinski, B. Smits and D. Greenberg (*Bounds and error estimates for
 //! radiosity*, SIGGRAPH 1994), who bound form factors between constants. They are of order h; a linear function on each
@@ -85,6 +87,18 @@ pub enum CertifyError {
     /// A cell's functions are no polynomials.
     #[error("the error can only be certified on triangles and parallelograms, and cell {0} is another quad")]
     Warped(usize),
+    /// A surface reflects everything: there is no bound.
+    #[error("the error can only be certified where all surfaces absorb, and material `{0}` reflects everything")]
+    Lossless(String),
+    /// The solution has a value that is no number.
+    #[error("the solution is no number on cell {0}")]
+    NoNumber(usize),
+    /// Nothing is reflected in a band although something should be.
+    #[error("the solution has no reflected light in band {0} that an error could be relative to")]
+    Dark(usize),
+    /// What receivers see would not fit into memory.
+    #[error("{0} cells are too many to certify the error on: each may see each")]
+    TooMany(usize),
     /// The work was asked to stop.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
@@ -116,6 +130,10 @@ pub fn certify(solution: &Solution, progress: &dyn Progress) -> Result<Certifica
     let geometry = Geometry::new(scene, &solution.space, &blockers, &panels);
     let closed = is_sealed(&geometry);
     let views = Views { occluders: &occluders, blockers: &blockers };
+    let cells = solution.space.cells();
+    if cells.saturating_mul(cells / 8) > MEMORY / 2 {
+        return Err(CertifyError::TooMany(cells));
+    }
     let mut worst: Option<Certificate> = None;
     for first in (0..solution.bands()).step_by(LANES) {
         let light = Light::new(solution, first)?;
@@ -161,6 +179,9 @@ impl<'a> Light<'a> {
             let mut functions = [[0.0; 6]; LANES];
             for (lane, function) in functions.iter_mut().enumerate().take(self.bands) {
                 let coefficients = &self.solution.radiosity.band(self.first + lane)[self.solution.space.range(cell)];
+                if coefficients.iter().any(|c| !c.is_finite()) {
+                    return Err(CertifyError::NoNumber(cell));
+                }
                 *function = panel.polynomial(coefficients).ok_or(CertifyError::Warped(cell))?;
             }
             Ok(functions)
@@ -182,6 +203,10 @@ impl<'a> Light<'a> {
         let norms = self.norms(panels, &functions);
         let bound = Bounding { light: self, panels, views, functions, base, surroundings, norms };
         let receivers = bound.receivers(progress)?;
+        let is_dark = |lane: &usize| bound.norms[*lane] == 0.0 && receivers.iter().any(|r| r.squares[*lane][1] > 0.0);
+        if let Some(lane) = (0..self.bands).find(is_dark) {
+            return Err(CertifyError::Dark(self.first + lane));
+        }
         let of_lane = |lane: usize| {
             let reflectance = self.materials.iter().map(|[_, r]| r[lane]).fold(0.0, f64::max);
             let residual = (1.0 + ROUNDING) * bound.total(&receivers, 1)[lane] + ROUNDING;
@@ -208,19 +233,24 @@ impl<'a> Light<'a> {
     }
 }
 
-/// Exitance and reflectance of each material in some bands.
+/// Exitance and reflectance of each material in some bands; of those that no cell has, nothing.
 fn materials(scene: &Scene, first: usize) -> Result<Vec<[[f64; LANES]; 2]>, CertifyError> {
-    let of = |material: &Material| {
+    let mut used = vec![false; scene.materials.len()];
+    scene.mesh.cells.iter().for_each(|cell| used[cell.material as usize] = true);
+    let of = |(material, used): (&Material, bool)| {
         let mut uniform = [[0.0; LANES]; 2];
-        for (values, quantity) in uniform.iter_mut().zip([&material.exitance, &material.reflectance]) {
+        let quantities = [&material.exitance, &material.reflectance];
+        for (values, quantity) in uniform.iter_mut().zip(quantities).filter(|_| used) {
             for (value, band) in values.iter_mut().zip(first..scene.bands) {
-                let varying = || CertifyError::Varying(material.name.clone());
-                *value = quantity.uniform(band).ok_or_else(varying)?;
+                // Files of solutions have no number for what varies.
+                let known = quantity.uniform(band).filter(|value| value.is_finite());
+                *value = known.ok_or_else(|| CertifyError::Varying(material.name.clone()))?;
             }
         }
-        Ok(uniform)
+        let absorbs = uniform[1].iter().all(|&reflectance| reflectance < 1.0);
+        if absorbs { Ok(uniform) } else { Err(CertifyError::Lossless(material.name.clone())) }
     };
-    scene.materials.iter().map(of).collect()
+    scene.materials.iter().zip(used).map(of).collect()
 }
 
 /// Polynomials and numbers.
@@ -336,7 +366,8 @@ impl Bounding<'_> {
     ) -> Result<Vec<Receiver>, Interrupted> {
         progress.begin("bounding the error", parts.len() as u64);
         let area: f64 = self.panels.iter().map(Panel::area).sum();
-        let fine = self.norms.map(|norm| FINE * bound * norm / area.sqrt());
+        // Where nothing is reflected there is nothing to be relative to.
+        let fine = self.norms.map(|norm| if norm > 0.0 { FINE * bound * norm / area.sqrt() } else { f64::INFINITY });
         let of = |(panel, corners, sight): (usize, Corners, Option<&Sight>)| {
             progress.advance(1);
             if progress.interrupted() { Err(Interrupted) } else { Ok(self.receiver(panel, corners, sight, fine)) }
@@ -380,3 +411,6 @@ fn greatest(values: [f64; LANES]) -> f64 {
 fn range(numbers: impl Iterator<Item = f64>) -> [f64; 2] {
     numbers.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], x| [lo.min(x), hi.max(x)])
 }
+
+#[cfg(test)]
+mod tests;

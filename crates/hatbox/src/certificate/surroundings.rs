@@ -12,8 +12,9 @@ use std::ops::Range;
 
 /// Steps in which the components of normals are compared.
 const SAME_WAY: f64 = 1e-6;
-/// What is nearer to a plane than this part of the greatest coordinate lies in it.
+/// What is nearer to a plane than this part of the scene's diagonal lies in it, and what rounding of coordinates may hide.
 const FLAT: f64 = 1e-9;
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// A cell that sends.
 #[derive(Debug)]
@@ -62,8 +63,10 @@ pub(super) struct Surroundings {
 impl Surroundings {
     /// Of panels with polynomials on them, in their planes' coordinates.
     pub(super) fn new(panels: &[Panel], functions: &[[Polynomial; LANES]], occluders: &Occluders) -> Self {
-        let corners = || panels.iter().flat_map(|panel| panel.patch.corners());
-        let flat = FLAT * corners().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
+        let corners = || panels.iter().flat_map(|panel| panel.patch.corners()).copied();
+        let (lo, hi) = corners().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), c| (lo.min(c), hi.max(c)));
+        let greatest = lo.abs().max(hi.abs()).max_element();
+        let flat = if greatest.is_finite() { FLAT * lo.distance(hi) + ROUNDING * greatest } else { 0.0 };
         let mut surroundings = Self { groups: Vec::new(), leaves: Vec::new(), flat };
         for (occluder, mut members) in by_plane(panels, occluders) {
             let first = &panels[members[0]];
@@ -112,9 +115,13 @@ fn leaves(panels: &[Panel], functions: &[[Polynomial; LANES]], members: &[usize]
         let (n, vertices) = (panel.patch.corners().len(), panel.vertices);
         (0..n).map(move |k| [vertices[k], vertices[(k + 1) % n]])
     };
-    let all = members.iter().enumerate();
-    let edges: HashMap<[u32; 2], usize> =
-        all.flat_map(|(k, &member)| sides(&panels[member]).map(move |side| (side, start + k))).collect();
+    // An edge that is there twice is no border between two leaves.
+    let mut edges: HashMap<[u32; 2], Option<usize>> = HashMap::new();
+    for (k, &member) in members.iter().enumerate() {
+        for side in sides(&panels[member]) {
+            edges.entry(side).and_modify(|leaf| *leaf = None).or_insert(Some(start + k));
+        }
+    }
     let leaf = |&member: &usize| {
         let panel = &panels[member];
         let corners = panel.patch.corners().iter().copied().collect();
@@ -122,7 +129,7 @@ fn leaves(panels: &[Panel], functions: &[[Polynomial; LANES]], members: &[usize]
             panel: member,
             piece: Piece::new(corners, panel.plane(), &functions[member]),
             functions: functions[member],
-            neighbours: sides(panel).map(|[p, q]| edges.get(&[q, p]).copied()).collect(),
+            neighbours: sides(panel).map(|[p, q]| edges.get(&[q, p]).copied().flatten()).collect(),
         }
     };
     members.iter().map(leaf).collect()

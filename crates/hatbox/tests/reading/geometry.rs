@@ -64,6 +64,11 @@ fn faces_that_cross_themselves_are_named() {
         ("bow.obj", obj("f 1 2 3 4"), "line 8 (object `kite`): 2 faces cross themselves"),
         ("star.obj", obj("f 1 2 3 4 5"), "line 8 (object `kite`): 2 faces cross themselves"),
         ("bow.ply", ply(4, "4 0 1 2 3"), "face 0: 1 face crosses itself"),
+        (
+            "upright.obj",
+            "v 0 0 0\nv 1 0 0\nv 0 0 1\nv 1 0 1\nf 1 2 3 4\n".to_owned(),
+            "line 5 (object `upright`): 1 face",
+        ),
         ("house.obj", obj("f 1 2 4 5 3"), ""),
         ("square.ply", ply(4, "4 0 1 3 2"), ""),
     ] {

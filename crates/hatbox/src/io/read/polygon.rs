@@ -34,11 +34,19 @@ pub(super) fn crosses_itself(corners: &[DVec3]) -> bool {
     (0..n).any(|i| (i + 2..n).any(|j| apart(edge(i), edge(j)) && apart(edge(j), edge(i))))
 }
 
+/// Area vectors shorter than this part of the widest triangle's are rounding.
+const EVEN: f64 = 1e-9;
+
 /// The corners in the plane of their mean normal (Newell's), counter-clockwise.
 fn project(corners: &[DVec3]) -> Vec<DVec2> {
     let origin = corners[0];
     let edges = corners.iter().zip(corners.iter().cycle().skip(1));
-    let normal: DVec3 = edges.map(|(&a, &b)| (a - origin).cross(b - origin)).sum();
+    let crosses = edges.map(|(&a, &b)| (a - origin).cross(b - origin));
+    let (normal, widest) = crosses.fold((DVec3::ZERO, DVec3::ZERO), |(sum, widest): (DVec3, DVec3), cross| {
+        (sum + cross, if cross.length_squared() > widest.length_squared() { cross } else { widest })
+    });
+    // The two wings of a bow tie may sum to nothing, or to rounding.
+    let normal = if normal.length() > EVEN * widest.length() { normal } else { widest };
     let (x, y) = normal.try_normalize().unwrap_or(DVec3::Z).any_orthonormal_pair();
     corners.iter().map(|&c| DVec2::new((c - origin).dot(x), (c - origin).dot(y))).collect()
 }
