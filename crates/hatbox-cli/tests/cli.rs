@@ -183,6 +183,12 @@ fn a_certificate_says_more_than_the_estimate_and_what_has_none_is_refused_before
     let text = text(&succeed(&mut solve(&sample(CUBE), &given)).stdout);
     assert!(text.contains("Certified at most"), "{text}");
     let folder = Folder::new();
+    // What is written is what is certified.
+    let written = folder.path("gathered.npz");
+    let gathered = json(solve(&sample(CUBE), &["--elements", "48", "--gather", "--json", "-o"]).arg(&written));
+    let solution = hatbox::io::npz::load(&written).expect("a solution");
+    let found = hatbox::certificate::certify(&solution, &hatbox::progress::Silent).expect("certified");
+    assert_eq!(gathered["certificate"]["bound"].as_f64(), Some(found.relative));
     let trapezium = folder.file("floor.obj", "v 0 0 0\nv 1 0 0\nv 0.7 1 0\nv 0.2 1 0\nf 1 2 3 4\n");
     fail(&folder, 1, &mut solve(&trapezium, &["--elements", "10"]), &["cell 0", "split the quads"]);
     succeed(&mut solve(&trapezium, &["--elements", "10", "--basis", "constant"]));

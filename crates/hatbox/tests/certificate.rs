@@ -7,12 +7,14 @@ use glam::DVec3;
 use hatbox::certificate::{CertifyError, certifiable, certify};
 use hatbox::element::{ALL, Basis};
 use hatbox::exchange;
+use hatbox::linalg::MultiVector;
 use hatbox::mesh::{Mesh, Refinement};
 use hatbox::probe::Probe;
 use hatbox::progress::{Progress, Silent};
 use hatbox::quadrature::sequence::{hash, point};
 use hatbox::radiosity::{Options, Shown, Solution, solve};
 use hatbox::scene::{Material, Physics, Quantity, Scene};
+use hatbox::space::{Continuity, FunctionSpace};
 
 /// Points of the scene at which a solution is compared with the truth, besides one in each cell.
 const POINTS: f64 = 1500.0;
@@ -177,6 +179,18 @@ fn plates_near_each_other_and_far_from_the_origin_light_each_other() {
     }
     let found = certify(&solution, &Silent).expect("certified");
     assert!(found.relative > 8.9, "{found:?}");
+}
+
+#[test]
+fn more_cells_than_memory_has_room_for_are_refused_at_once() {
+    let mesh = meshes::room(DVec3::ONE, |_| false);
+    let scene = Scene::new(mesh, vec![Material::diffuse("wall", 0.5)], Physics::Light, None).expect("valid");
+    let scene = scene.refined(Refinement::Elements(70_000), &ALL[0]).expect("refined");
+    let space = FunctionSpace::new(&scene, &ALL[0], Continuity::Broken).expect("constants");
+    let dark = MultiVector::zeros(space.broken_dofs(), 1);
+    let cells = space.cells();
+    let solution = Solution { scene, space, radiosity: dark.clone(), irradiance: dark };
+    assert_eq!(certify(&solution, &Silent), Err(CertifyError::TooMany(cells)));
 }
 
 #[test]

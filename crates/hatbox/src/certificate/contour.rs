@@ -169,4 +169,12 @@ mod tests {
         }
         assert!(known > 10, "most receivers are small enough for it to mean something: {known}");
     }
+
+    #[test]
+    fn what_is_left_falls_with_the_square_of_the_size() {
+        for (polygon, center) in cases() {
+            let rest = |size: f64| local(&polygon, &[center + size * DVec3::X, center - size * DVec3::X], center).rest;
+            assert!(rest(0.01) > 0.0 && rest(0.005) <= 0.25 * rest(0.01), "{center}: {} {}", rest(0.005), rest(0.01));
+        }
+    }
 }

@@ -158,7 +158,7 @@ impl View<'_> {
     }
 
     fn side(&self, piece: &Piece, side: usize) -> Local {
-        let corners = &piece.corners;
+        let corners = piece.patch.corners();
         edge(&self.watcher.place, corners[side], corners[(side + 1) % corners.len()])
     }
 
@@ -173,9 +173,9 @@ impl View<'_> {
         if nearest <= 0.0 {
             return self.half_space();
         }
-        let here = (self.watcher.heights(&piece.corners)[1] / nearest).min(1.0);
+        let here = (self.watcher.heights(piece.patch.corners())[1] / nearest).min(1.0);
         let there = (self.watcher.before(self.group)[1] / nearest).min(1.0);
-        (FRAC_1_PI * piece.area * here * there / nearest.powi(2)).min(self.half_space())
+        (FRAC_1_PI * piece.patch.area() * here * there / nearest.powi(2)).min(self.half_space())
     }
 
     /// A piece that is seen, less so much of its exitance.
@@ -183,8 +183,8 @@ impl View<'_> {
         let radius = self.watcher.place.radius;
         let (most, nearest) = (self.most(piece), self.distance(piece));
         let mut local = Local::default();
-        (0..piece.corners.len()).for_each(|side| local.add(self.side(piece, side)));
-        local.rest = local.rest.min(far_rest(radius, piece.area, nearest));
+        (0..piece.patch.corners().len()).for_each(|side| local.add(self.side(piece, side)));
+        local.rest = local.rest.min(far_rest(radius, piece.patch.area(), nearest));
         let Known { local, is_vague } = Known::of(local, most);
         let factor: [f64; LANES] = std::array::from_fn(|lane| piece.mean[lane] - common[lane]);
         let normals = [self.watcher.place.normal, self.group.normal];
@@ -207,18 +207,20 @@ impl View<'_> {
 
     fn parts(&self, leaf: &Leaf, piece: &Piece) -> [Piece; 4] {
         let plane = self.panels[leaf.panel].plane();
-        quarters(&piece.corners).map(|corners| Piece::new(corners, plane, &leaf.functions))
+        quarters(&piece.patch).map(|part| Piece::new(part, plane, &leaf.functions))
     }
 
     /// A piece that may be hidden in part, or cross a horizon.
     fn partly(&mut self, leaf: &Leaf, piece: &Piece, inherited: Between<'_>, deeper: usize) {
         let flat = self.watcher.surroundings.flat;
-        let [lo, hi] = self.watcher.heights(&piece.corners);
+        let [lo, hi] = self.watcher.heights(piece.patch.corners());
         if hi <= flat {
             return;
         }
         let mut list = Vec::new();
-        let Some(between) = self.watcher.between(self.group, &piece.corners, inherited, &mut list) else { return };
+        let Some(between) = self.watcher.between(self.group, piece.patch.corners(), inherited, &mut list) else {
+            return;
+        };
         if matches!(between, Between::Nothing) && lo >= -flat && self.before {
             self.piece(leaf, piece, &[0.0; LANES], deeper);
             return;
@@ -252,7 +254,7 @@ pub(super) fn uneven(
     let rho = piece.center - center;
     let (square, rises, falls) = (rho.length_squared(), here.dot(rho), -there.dot(rho));
     let slope = (here * falls - there * rises - 4.0 * rises * falls / square * rho) * (FRAC_1_PI / (square * square));
-    let (size, share) = (piece.radius, FRAC_1_PI * piece.area / nearest.powi(3));
+    let (size, share) = (piece.radius, FRAC_1_PI * piece.patch.area() / nearest.powi(3));
     for (lane, rest) in rest.iter_mut().enumerate() {
         let curved = piece.curved[lane] * most.min(2.0 * share * size);
         // Mean squares of distances from the middle are at most a third of the radius's.

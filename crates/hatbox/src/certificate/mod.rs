@@ -23,8 +23,7 @@
 //! Lower and upper bounds of radiosity are due to D. Lischinski, B. Smits and D. Greenberg (*Bounds and error estimates for
 //! radiosity*, SIGGRAPH 1994), who bound form factors between constants. They are of order h; a linear function on each
 //! receiver makes it h², where nothing is hidden. Tried and dropped: pieces that touch a receiver one by one between 0 and what their
-//! half-space sends, which grows with their number; and form factors of cells alone, which change fast beside an edge where
-//! that of the wall hardly does.
+//! half-space sends, which grows with their number.
 
 mod contour;
 mod enclosure;
@@ -33,7 +32,7 @@ mod sight;
 mod surroundings;
 
 use crate::assemble::Panel;
-use crate::element::{Basis, Polynomial, Shape};
+use crate::element::{Basis, Polynomial};
 use crate::exchange::{Geometry, Views, is_sealed};
 use crate::mesh::Patch;
 use crate::progress::{Interrupted, Progress};
@@ -43,7 +42,8 @@ use crate::scene::{Material, Scene};
 use crate::visibility::{Bvh, Occluders};
 use contour::Place;
 use enclosure::Enclosed;
-use piece::{Corners, evaluate, middle, quarters};
+use glam::DVec3;
+use piece::{evaluate, quarters};
 use rayon::prelude::*;
 use sight::{Sight, Watcher};
 use std::sync::{Arc, OnceLock};
@@ -51,6 +51,7 @@ use surroundings::Surroundings;
 
 /// Bands that are looked at together.
 const LANES: usize = 4;
+// The bound holds whatever these are: they are where more work was seen to gain little on the scenes of the project.
 /// Terms of an irradiance are looked at more closely if they may be wrong by more than this part of what the residual may be.
 const FINE: f64 = 0.005;
 /// The receivers are quartered in each round that have this part of what quartering may gain.
@@ -124,24 +125,20 @@ pub fn certifiable(scene: &Scene, basis: &Basis, refined: bool) -> Result<(), Ce
 /// # Errors
 /// [`CertifyError`].
 pub fn certify(solution: &Solution, progress: &dyn Progress) -> Result<Certificate, CertifyError> {
-    let scene = &solution.scene;
-    let blockers = Arc::new(Bvh::of_surfaces(&scene.surfaces));
-    let (occluders, panels) = (Occluders::new(&scene.surfaces), OnceLock::new());
-    let geometry = Geometry::new(scene, &solution.space, &blockers, &panels);
-    let closed = is_sealed(&geometry);
-    let views = Views { occluders: &occluders, blockers: &blockers };
-    let cells = solution.space.cells();
+    let (scene, cells) = (&solution.scene, solution.space.cells());
     if cells.saturating_mul(cells / 8) > MEMORY / 2 {
         return Err(CertifyError::TooMany(cells));
     }
-    let mut worst: Option<Certificate> = None;
+    let blockers = Arc::new(Bvh::of_surfaces(&scene.surfaces));
+    let (occluders, panels) = (Occluders::new(&scene.surfaces), OnceLock::new());
+    let geometry = Geometry::new(scene, &solution.space, &blockers, &panels);
+    let views = Views { occluders: &occluders, blockers: &blockers };
+    let mut certificates = Vec::with_capacity(solution.bands());
     for first in (0..solution.bands()).step_by(LANES) {
         let light = Light::new(solution, first)?;
-        let of_bands = light.certified(geometry.panels(), views, closed, progress)?;
-        if worst.is_none_or(|worst| of_bands.relative > worst.relative) {
-            worst = Some(of_bands);
-        }
+        certificates.extend(Bounding::new(&light, &geometry, views)?.certificates(progress)?);
     }
+    let worst = certificates.into_iter().max_by(|a, b| a.relative.total_cmp(&b.relative));
     Ok(worst.unwrap_or(Certificate { relative: 0.0, residual: 0.0, reflectance: 0.0, receivers: 0 }))
 }
 
@@ -157,8 +154,9 @@ struct Light<'a> {
 /// A cell or a part of one, on which the residual is bounded.
 struct Receiver {
     panel: usize,
-    corners: Corners,
-    sight: Sight,
+    patch: Patch,
+    /// Where nothing is reflected nobody looks.
+    sight: Option<Sight>,
     /// In each lane ∫q² and ∫(|q| + w)², the latter from above.
     squares: [[f64; 2]; LANES],
 }
@@ -189,44 +187,14 @@ impl<'a> Light<'a> {
         panels.iter().enumerate().map(of).collect()
     }
 
-    fn certified(
-        &self,
-        panels: &[Panel],
-        views: Views<'_>,
-        closed: bool,
-        progress: &dyn Progress,
-    ) -> Result<Certificate, CertifyError> {
-        let functions = self.functions(panels)?;
-        let base = if closed { medians(panels, &functions) } else { [0.0; LANES] };
-        let sent: Vec<_> = functions.iter().map(|f| raised(f, base.map(|base| -base))).collect();
-        let surroundings = Surroundings::new(panels, &sent, views.occluders);
-        let norms = self.norms(panels, &functions);
-        let bound = Bounding { light: self, panels, views, functions, base, surroundings, norms };
-        let receivers = bound.receivers(progress)?;
-        let is_dark = |lane: &usize| bound.norms[*lane] == 0.0 && receivers.iter().any(|r| r.squares[*lane][1] > 0.0);
-        if let Some(lane) = (0..self.bands).find(is_dark) {
-            return Err(CertifyError::Dark(self.first + lane));
-        }
-        let of_lane = |lane: usize| {
-            let reflectance = self.materials.iter().map(|[_, r]| r[lane]).fold(0.0, f64::max);
-            let residual = (1.0 + ROUNDING) * bound.total(&receivers, 1)[lane] + ROUNDING;
-            let relative = residual / (1.0 - reflectance);
-            Certificate { relative, residual, reflectance, receivers: receivers.len() }
-        };
-        let certificates = (0..self.bands).map(of_lane);
-        let worst = certificates.reduce(|a, b| if b.relative > a.relative { b } else { a });
-        Ok(worst.unwrap_or_else(|| of_lane(0)))
-    }
-
     /// ‖B̃ − B⁰‖ in each lane.
     fn norms(&self, panels: &[Panel], functions: &[[Polynomial; LANES]]) -> [f64; LANES] {
         let mut squares = [0.0; LANES];
         for (cell, panel) in panels.iter().enumerate() {
             let [exitance, _] = self.material(cell);
-            let corners = panel.patch.corners().iter().copied().collect();
             let reflected = raised(&functions[cell], exitance.map(|b| -b));
             for lane in 0..LANES {
-                squares[lane] += integral(&corners, |x| evaluate(&reflected[lane], panel.plane(), x).powi(2));
+                squares[lane] += integral(&panel.patch, |x| evaluate(&reflected[lane], panel.plane(), x).powi(2));
             }
         }
         squares.map(f64::sqrt)
@@ -276,13 +244,11 @@ fn medians(panels: &[Panel], functions: &[[Polynomial; LANES]]) -> [f64; LANES] 
     })
 }
 
-/// The integral over a triangle or a quad, exact for polynomials of degree 4 on triangles and parallelograms.
-fn integral(corners: &Corners, f: impl Fn(glam::DVec3) -> f64) -> f64 {
-    let shape = if corners.len() == 3 { Shape::Triangle } else { Shape::Quad };
-    let patch = Patch::new(shape, std::array::from_fn(|k| corners[k.min(corners.len() - 1)]));
-    let rule = rule(shape, 5);
+/// The integral over a patch, exact for polynomials of degree 4 on triangles and parallelograms.
+fn integral(patch: &Patch, f: impl Fn(DVec3) -> f64) -> f64 {
+    let (rule, whole) = (rule(patch.shape(), 5), patch.shape().reference_area());
     let points = rule.points.iter().zip(&rule.weights);
-    points.map(|(&at, weight)| weight * shape.reference_area() * patch.jacobian(at) * f(patch.point(at))).sum()
+    points.map(|(&at, weight)| weight * whole * patch.jacobian(at) * f(patch.point(at))).sum()
 }
 
 /// The residual of a solution, being bounded.
@@ -297,7 +263,33 @@ struct Bounding<'a> {
     norms: [f64; LANES],
 }
 
-impl Bounding<'_> {
+impl<'a> Bounding<'a> {
+    fn new(light: &'a Light<'a>, geometry: &Geometry<'a>, views: Views<'a>) -> Result<Self, CertifyError> {
+        let panels = geometry.panels();
+        let functions = light.functions(panels)?;
+        let base = if is_sealed(geometry) { medians(panels, &functions) } else { [0.0; LANES] };
+        let sent: Vec<_> = functions.iter().map(|f| raised(f, base.map(|base| -base))).collect();
+        let surroundings = Surroundings::new(panels, &sent, views.occluders);
+        let norms = light.norms(panels, &functions);
+        Ok(Self { light, panels, views, functions, base, surroundings, norms })
+    }
+
+    /// Of each band.
+    fn certificates(&self, progress: &dyn Progress) -> Result<Vec<Certificate>, CertifyError> {
+        let receivers = self.receivers(progress)?;
+        let bounds = self.total(&receivers, 1);
+        let of_lane = |lane: usize| {
+            if self.norms[lane] == 0.0 && receivers.iter().any(|receiver| receiver.squares[lane][1] > 0.0) {
+                return Err(CertifyError::Dark(self.light.first + lane));
+            }
+            let reflectance = self.light.materials.iter().map(|[_, r]| r[lane]).fold(0.0, f64::max);
+            let residual = (1.0 + ROUNDING) * bounds[lane] + ROUNDING;
+            let relative = residual / (1.0 - reflectance);
+            Ok(Certificate { relative, residual, reflectance, receivers: receivers.len() })
+        };
+        (0..self.light.bands).map(of_lane).collect()
+    }
+
     /// ‖q‖ (0) or ‖q‖ + ‖w‖ (1) relative to the light, in each lane.
     fn total(&self, receivers: &[Receiver], which: usize) -> [f64; LANES] {
         let square = |lane: usize| receivers.iter().map(|receiver| receiver.squares[lane][which]).sum::<f64>();
@@ -312,20 +304,21 @@ impl Bounding<'_> {
     fn receivers(&self, progress: &dyn Progress) -> Result<Vec<Receiver>, Interrupted> {
         let cells: Vec<_> = (0..self.panels.len()).filter(|&cell| self.panels[cell].area() > 0.0).collect();
         let [least, most] = RECEIVERS.map(|times| times * cells.len());
-        let whole = |&cell: &usize| (cell, self.panels[cell].patch.corners().iter().copied().collect(), None);
+        let whole = |&cell: &usize| (cell, self.panels[cell].patch, None);
         let mut receivers = self.looked_from(cells.iter().map(whole).collect(), 1.0, progress)?;
         let mut bound = greatest(self.total(&receivers, 1));
         loop {
             let (split, mut kept) = self.marked(receivers);
             // Four parts of a receiver see no more than four times what it does.
-            let bytes = |some: &[Receiver]| some.iter().map(|receiver| receiver.sight.bytes()).sum::<usize>();
+            let bytes = |some: &[Receiver]| {
+                some.iter().filter_map(|receiver| receiver.sight.as_ref()).map(Sight::bytes).sum::<usize>()
+            };
             let too_many = kept.len() + 4 * split.len() > most || bytes(&kept) + 5 * bytes(&split) > MEMORY;
             if split.is_empty() || too_many {
                 kept.extend(split);
                 return Ok(kept);
             }
-            let parts = |receiver: &'_ Receiver| quarters(&receiver.corners).map(|part| (receiver.panel, part));
-            let parts = split.iter().flat_map(|r| parts(r).map(|(panel, part)| (panel, part, Some(&r.sight))));
+            let parts = split.iter().flat_map(|r| quarters(&r.patch).map(|part| (r.panel, part, r.sight.as_ref())));
             kept.extend(self.looked_from(parts.collect(), bound, progress)?);
             receivers = kept;
             let before = std::mem::replace(&mut bound, greatest(self.total(&receivers, 1)));
@@ -357,10 +350,10 @@ impl Bounding<'_> {
         (plain(marked), plain(others))
     }
 
-    /// Receivers from cells, their corners, and what they are known to see; the residual may be about `bound`.
+    /// Receivers from cells, parts of them, and what those are known to see; the residual may be about `bound`.
     fn looked_from(
         &self,
-        parts: Vec<(usize, Corners, Option<&Sight>)>,
+        parts: Vec<(usize, Patch, Option<&Sight>)>,
         bound: f64,
         progress: &dyn Progress,
     ) -> Result<Vec<Receiver>, Interrupted> {
@@ -368,38 +361,48 @@ impl Bounding<'_> {
         let area: f64 = self.panels.iter().map(Panel::area).sum();
         // Where nothing is reflected there is nothing to be relative to.
         let fine = self.norms.map(|norm| if norm > 0.0 { FINE * bound * norm / area.sqrt() } else { f64::INFINITY });
-        let of = |(panel, corners, sight): (usize, Corners, Option<&Sight>)| {
+        let of = |(panel, patch, sight): (usize, Patch, Option<&Sight>)| {
             progress.advance(1);
-            if progress.interrupted() { Err(Interrupted) } else { Ok(self.receiver(panel, corners, sight, fine)) }
+            if progress.interrupted() { Err(Interrupted) } else { Ok(self.receiver(panel, patch, sight, fine)) }
         };
         let receivers = parts.into_par_iter().map(of).collect();
         progress.end();
         receivers
     }
 
-    fn receiver(&self, index: usize, corners: Corners, known: Option<&Sight>, fine: [f64; LANES]) -> Receiver {
+    fn receiver(&self, index: usize, patch: Patch, known: Option<&Sight>, fine: [f64; LANES]) -> Receiver {
         let panel = &self.panels[index];
-        let (center, radius) = middle(&corners);
-        let place = Place { center, normal: panel.normal(), corners: &corners, radius, flat: self.surroundings.flat };
-        let occluder = self.views.occluders.of_surface(panel.surface);
-        let watcher = Watcher::new(&self.surroundings, self.views, place, occluder);
-        let sight = known.map_or_else(|| Sight::new(&watcher), |known| known.of_part(&watcher));
         let [exitance, reflectance] = self.light.material(index);
-        let mut arriving = Enclosed::default();
-        if !panel.covered && reflectance.iter().any(|&r| r > 0.0) {
-            arriving = Enclosed::new(&watcher, &sight, self.panels, fine);
-            arriving.value.iter_mut().zip(self.base).for_each(|(value, base)| *value += base);
-        }
+        let looks = !panel.covered && reflectance.iter().any(|&r| r > 0.0);
+        let (arriving, sight) = looks.then(|| self.arriving(panel, &patch, known, fine)).unzip();
+        let (arriving, center) = (arriving.unwrap_or_default(), patch.center());
         let squares = std::array::from_fn(|lane| {
-            let residual = |x: glam::DVec3| {
+            let residual = |x: DVec3| {
                 let arrives = arriving.value[lane] + arriving.gradient[lane].dot(x - center);
                 exitance[lane] + reflectance[lane] * arrives - evaluate(&self.functions[index][lane], panel.plane(), x)
             };
-            let square = integral(&corners, |x| residual(x).powi(2));
-            let rest = reflectance[lane] * arriving.rest[lane] * crate::mesh::polygon::area(&corners).sqrt();
+            let square = integral(&patch, |x| residual(x).powi(2));
+            let rest = reflectance[lane] * arriving.rest[lane] * patch.area().sqrt();
             [square, (square.sqrt() + rest).powi(2)]
         });
-        Receiver { panel: index, corners, sight, squares }
+        Receiver { panel: index, patch, sight, squares }
+    }
+
+    /// What arrives on a part of a panel, and what that sees, if more of the panel is known to see so much.
+    fn arriving(&self, panel: &Panel, patch: &Patch, known: Option<&Sight>, fine: [f64; LANES]) -> (Enclosed, Sight) {
+        let place = Place {
+            center: patch.center(),
+            normal: panel.normal(),
+            corners: patch.corners(),
+            radius: patch.radius(),
+            flat: self.surroundings.flat,
+        };
+        let watcher =
+            Watcher::new(&self.surroundings, self.views, place, self.views.occluders.of_surface(panel.surface));
+        let sight = known.map_or_else(|| Sight::new(&watcher), |known| known.of_part(&watcher));
+        let mut arriving = Enclosed::new(&watcher, &sight, self.panels, fine);
+        arriving.value.iter_mut().zip(self.base).for_each(|(value, base)| *value += base);
+        (arriving, sight)
     }
 }
 

@@ -68,12 +68,12 @@ impl Sight {
         let Some(children) = node.children else {
             return self.classify_leaf(watcher, group, node.leaves.start, inherited);
         };
-        let [lo, hi] = watcher.heights(&node.corners);
+        let [lo, hi] = watcher.heights(node.patch.corners());
         if hi <= flat {
             return;
         }
         let mut list = Vec::new();
-        match watcher.between(group, &node.corners, inherited, &mut list) {
+        match watcher.between(group, node.patch.corners(), inherited, &mut list) {
             None => {}
             Some(Between::Nothing) if lo >= -flat => node.leaves.clone().for_each(|leaf| self.set(leaf)),
             Some(between) => children.into_iter().for_each(|child| self.classify(watcher, group, child, between)),
@@ -82,7 +82,7 @@ impl Sight {
 
     fn classify_leaf(&mut self, watcher: &Watcher<'_>, group: &Group, leaf: usize, inherited: Between<'_>) {
         let surroundings = watcher.surroundings;
-        let corners = &surroundings.leaves[leaf].piece.corners;
+        let corners = surroundings.leaves[leaf].piece.patch.corners();
         let [lo, hi] = watcher.heights(corners);
         if hi <= surroundings.flat {
             return;

@@ -1,9 +1,10 @@
 //! What may send light: cells by their planes, each plane with a tree over its cells.
 
 use super::LANES;
-use super::piece::{Corners, Piece};
+use super::piece::Piece;
 use crate::assemble::Panel;
-use crate::element::Polynomial;
+use crate::element::{Polynomial, Shape};
+use crate::mesh::Patch;
 use crate::visibility::Occluders;
 use arrayvec::ArrayVec;
 use glam::DVec3;
@@ -29,7 +30,7 @@ pub(super) struct Leaf {
 /// A rectangle around some leaves of a group, or a leaf.
 #[derive(Debug)]
 pub(super) struct Node {
-    pub(super) corners: Corners,
+    pub(super) patch: Patch,
     pub(super) leaves: Range<usize>,
     pub(super) children: Option<[usize; 2]>,
 }
@@ -124,10 +125,9 @@ fn leaves(panels: &[Panel], functions: &[[Polynomial; LANES]], members: &[usize]
     }
     let leaf = |&member: &usize| {
         let panel = &panels[member];
-        let corners = panel.patch.corners().iter().copied().collect();
         Leaf {
             panel: member,
-            piece: Piece::new(corners, panel.plane(), &functions[member]),
+            piece: Piece::new(panel.patch, panel.plane(), &functions[member]),
             functions: functions[member],
             neighbours: sides(panel).map(|[p, q]| edges.get(&[q, p]).copied().flatten()).collect(),
         }
@@ -146,9 +146,9 @@ struct Tree<'a> {
 impl Tree<'_> {
     /// Adds a node of these panels, which are put into the tree's order; gives its place.
     fn add(&mut self, members: &mut [usize], start: usize) -> usize {
-        let (corners, wide) = self.around(members);
+        let (patch, wide) = self.around(members);
         let place = self.nodes.len();
-        self.nodes.push(Node { corners, leaves: start..start + members.len(), children: None });
+        self.nodes.push(Node { patch, leaves: start..start + members.len(), children: None });
         if members.len() > 1 {
             let along = |panel: &usize| self.axes[usize::from(!wide)].dot(self.panels[*panel].center);
             members.sort_by(|a, b| along(a).total_cmp(&along(b)).then(a.cmp(b)));
@@ -160,15 +160,35 @@ impl Tree<'_> {
     }
 
     /// A rectangle around panels, or one alone, and whether it reaches farther along the first axis.
-    fn around(&self, members: &[usize]) -> (Corners, bool) {
+    fn around(&self, members: &[usize]) -> (Patch, bool) {
         if let [only] = members {
-            return (self.panels[*only].patch.corners().iter().copied().collect(), true);
+            return (self.panels[*only].patch, true);
         }
         let origin = self.panels[members[0]].patch.corners()[0];
         let corners = || members.iter().flat_map(|&member| self.panels[member].patch.corners());
         let reach = self.axes.map(|axis| super::range(corners().map(|&corner| axis.dot(corner - origin))));
         let at = |u: usize, v: usize| origin + self.axes[0] * reach[0][u] + self.axes[1] * reach[1][v];
         let [width, height] = reach.map(|[lo, hi]| hi - lo);
-        ([at(0, 0), at(1, 0), at(1, 1), at(0, 1)].into_iter().collect(), width >= height)
+        (Patch::new(Shape::Quad, [at(0, 0), at(1, 0), at(1, 1), at(0, 1)]), width >= height)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::element::ALL;
+
+    #[test]
+    fn an_edge_that_is_there_twice_is_no_border_between_leaves() {
+        let square = [DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y];
+        let panel = |corners: [usize; 3]| {
+            let [a, b, c] = corners;
+            let patch = Patch::new(Shape::Triangle, [a, b, c, c].map(|k| square[k]));
+            Panel::new(patch, ALL[0].triangle, [a, b, c, c].map(|k| k as u32), 0)
+        };
+        let panels = [[0, 1, 2], [0, 2, 3], [0, 2, 3]].map(panel);
+        let across = |members: &[usize]| leaves(&panels, &[[[0.0; 6]; LANES]; 3], members, 7)[0].neighbours.clone();
+        assert_eq!(across(&[0, 1])[..], [None, None, Some(8)]);
+        assert_eq!(across(&[0, 1, 2])[..], [None; 3]);
     }
 }

@@ -1,7 +1,7 @@
 //! Whether what is enclosed is what arrives, at points of random receivers in random scenes with random light.
 
 use super::*;
-use crate::element::ALL;
+use crate::element::{ALL, Shape};
 use crate::kernel::Plane;
 use crate::linalg::MultiVector;
 use crate::mesh::{Cell, Mesh, Refinement};
@@ -83,31 +83,22 @@ fn tried(seed: u64) -> Vec<[f64; 2]> {
     let geometry = Geometry::new(scene, &solution.space, &blockers, &cells);
     let (panels, views) = (geometry.panels(), Views { occluders: &occluders, blockers: &blockers });
     let light = Light::new(&solution, 0).expect("uniform");
-    let functions = light.functions(panels).expect("polynomials");
-    let base = if is_sealed(&geometry) { medians(panels, &functions) } else { [0.0; LANES] };
-    let sent: Vec<_> = functions.iter().map(|f| raised(f, base.map(|base| -base))).collect();
-    let surroundings = Surroundings::new(panels, &sent, &occluders);
+    let bounding = Bounding::new(&light, &geometry, views).expect("polynomials");
     let (sources, mut found) = (Sources::all(&solution), Vec::new());
     for _ in 0..40 {
         let cell = (random.number() * panels.len() as f64) as usize;
-        let panel = &panels[cell];
-        let (mut corners, mut known) = (panel.patch.corners().iter().copied().collect::<Corners>(), None::<Sight>);
+        let (mut patch, mut known) = (panels[cell].patch, None);
         for _ in 0..=(6.0 * random.number()) as usize {
-            let (center, radius) = middle(&corners);
-            let flat = surroundings.flat;
-            let place = Place { center, normal: panel.normal(), corners: &corners, radius, flat };
-            let watcher = Watcher::new(&surroundings, views, place, occluders.of_surface(panel.surface));
-            let sight = known.as_ref().map_or_else(|| Sight::new(&watcher), |known| known.of_part(&watcher));
             let fine = [10_f64.powf(-1.0 - 3.0 * random.number()); LANES];
-            let enclosed = Enclosed::new(&watcher, &sight, panels, fine);
+            let (enclosed, sight) = bounding.arriving(&panels[cell], &patch, known.as_ref(), fine);
             // Near a corner, where a linear function is farthest off, but not on an edge.
-            let corner = corners[(random.number() * corners.len() as f64) as usize];
-            let x = center.lerp(corner, 0.99 * random.number().sqrt());
-            let exact = sources.irradiance(cell, panel.patch.locate(x), 1)[0];
-            let value = base[0] + enclosed.value[0] + enclosed.gradient[0].dot(x - center);
+            let corner = patch.corners()[(random.number() * patch.corners().len() as f64) as usize];
+            let x = patch.center().lerp(corner, 0.99 * random.number().sqrt());
+            let exact = sources.irradiance(cell, panels[cell].patch.locate(x), 1)[0];
+            let value = enclosed.value[0] + enclosed.gradient[0].dot(x - patch.center());
             found.push([enclosed.rest[0], (value - exact).abs()]);
             known = Some(sight);
-            corners = quarters(&corners)[(4.0 * random.number()) as usize].clone();
+            patch = quarters(&patch)[(4.0 * random.number()) as usize];
         }
     }
     found
@@ -130,13 +121,14 @@ fn what_arrives_is_within_what_is_enclosed() {
 #[test]
 fn the_slope_of_a_piece_sends_what_is_expected_of_it() {
     let at = |x: f64, y: f64| DVec3::new(x, y, 1.0);
-    let corners: Corners = [at(0.0, 0.0), at(0.2, 0.5), at(0.4, 0.1)].into_iter().collect();
-    let plane = Plane::new(corners[0], DVec3::NEG_Z);
+    let last = at(0.4, 0.1);
+    let patch = Patch::new(Shape::Triangle, [at(0.0, 0.0), at(0.2, 0.5), last, last]);
+    let plane = Plane::new(patch.corners()[0], patch.normal());
     let functions = [[0.2, 1.5, -2.0, 0.4, 0.3, -0.6]; LANES];
-    let piece = piece::Piece::new(corners.clone(), &plane, &functions);
+    let piece = piece::Piece::new(patch, &plane, &functions);
     let arriving = |x: DVec3| {
         let mean = |y: DVec3| evaluate(&functions[0], &plane, y) - piece.mean[0];
-        let parts = quarters(&corners).into_iter().flat_map(|part| quarters(&part));
+        let parts = quarters(&patch).into_iter().flat_map(|part| quarters(&part));
         parts
             .map(|part| integral(&part, |y| mean(y) * crate::kernel::geometric(x, DVec3::Z, y, DVec3::NEG_Z)))
             .sum::<f64>()
