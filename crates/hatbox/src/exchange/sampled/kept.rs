@@ -6,6 +6,7 @@
 use super::fit::Take;
 use super::lamps::Entry;
 use super::rays::Hit;
+use arrayvec::ArrayVec;
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -40,6 +41,8 @@ pub(super) struct Ended<'a> {
 pub(super) struct Run<'a> {
     cells: &'a [u32],
     spots: &'a [u8],
+    /// The cells and those that follow them in memory.
+    coming: &'a [u32],
 }
 
 impl<'a> Run<'a> {
@@ -47,8 +50,42 @@ impl<'a> Run<'a> {
         self.cells.iter().zip(self.spots).map(|(&cell, &spot)| Hit::from_parts(cell, spot))
     }
 
+    /// The hit so many places after the first, if there is one in memory.
+    #[inline]
+    pub(super) fn coming(self, place: usize) -> Option<Hit> {
+        self.coming.get(place).map(|&cell| Hit::from_parts(cell, 0))
+    }
+
+    /// Whether none met a lamp or what is linked.
+    #[inline]
+    pub(super) fn is_plain(self) -> bool {
+        Hit::from_parts(self.cells.iter().fold(0, |all, cell| all | cell), 0).is_plain()
+    }
+
     fn part(self, range: Range<usize>) -> Self {
-        Self { cells: &self.cells[range.clone()], spots: &self.spots[range] }
+        let coming = &self.coming[range.start..];
+        Self { cells: &self.cells[range.clone()], spots: &self.spots[range], coming }
+    }
+}
+
+/// Hits that were picked out of a word's.
+#[derive(Default)]
+pub(super) struct Few {
+    cells: ArrayVec<u32, WORD>,
+    spots: ArrayVec<u8, WORD>,
+}
+
+impl Few {
+    #[inline]
+    pub(super) fn push(&mut self, hit: Hit) {
+        let (cell, spot) = hit.to_parts();
+        self.cells.push(cell);
+        self.spots.push(spot);
+    }
+
+    /// They, and what comes after those they were picked from.
+    pub(super) fn run<'a>(&'a self, from: Run<'a>) -> Run<'a> {
+        Run { cells: &self.cells, spots: &self.spots, coming: from.coming }
     }
 }
 
@@ -110,7 +147,8 @@ impl Hits {
         let start = index.checked_sub(1).map_or(0, |before| self.ends[before]);
         Ended {
             arrived: &self.arrived[index * self.words..(index + 1) * self.words],
-            hits: Run { cells: &self.cells, spots: &self.spots }.part(start as usize..self.ends[index] as usize),
+            hits: Run { cells: &self.cells, spots: &self.spots, coming: &self.cells }
+                .part(start as usize..self.ends[index] as usize),
         }
     }
 

@@ -34,6 +34,7 @@ mod product;
 mod rays;
 mod source;
 mod spots;
+mod sums;
 
 use super::hierarchical::{Linked, Links};
 use super::{Exchange, ExchangeError, Geometry, Hierarchical, Params, Statistics};

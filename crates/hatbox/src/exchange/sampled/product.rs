@@ -14,9 +14,10 @@
 #![expect(clippy::inline_always, reason = "loops must be compiled where their lengths are known")]
 
 use super::fit::{Matrix, Take, add_outer, factor, mean_mass, solve};
-use super::kept::{Ended, Hits, Lit, Run, WORD, set_bits};
-use super::rays::Hit;
+use super::kept::{Ended, Few, Hits, Lit, Run, WORD, set_bits};
+use super::rays::{Hit, Points};
 use super::source::{Coefficients, Number, Source, lanes_for};
+use super::sums::sum_of;
 use super::{CHUNK, Sampled, Table};
 use crate::element::MAX_DOFS;
 use crate::linalg::{Csr, LinearOperator, MultiVector};
@@ -47,8 +48,8 @@ struct Rays<'a> {
     free: bool,
     /// Whether all met lamps: then they tell what arrives, and sum to 1, which no visibility of lamps does to the last digit.
     among_lamps: bool,
-    /// The weight of each ray relative to the mean one, on a cell whose map stretches it.
-    stretch: Option<Vec<f64>>,
+    /// On a cell whose map stretches it.
+    stretch: Option<Stretch>,
 }
 
 impl Rays<'_> {
@@ -62,7 +63,7 @@ impl Rays<'_> {
     /// What a ray counts, if each counts `share` on average.
     #[inline]
     fn weight(&self, share: f64, ray: usize) -> f64 {
-        self.stretch.as_ref().map_or(share, |stretch| share * stretch[ray])
+        self.stretch.as_ref().map_or(share, |stretch| share * stretch.weights[ray])
     }
 
     fn share(&self) -> f64 {
@@ -74,27 +75,43 @@ impl Rays<'_> {
     fn add_known<const N: usize, const B: usize, T: Number>(
         &self,
         source: Source<'_, T>,
-        (first, bits, hits): (usize, u64, Run<'_>),
+        (first, mut bits, mut hits): (usize, u64, Run<'_>),
         sums: &mut [[f64; B]; N],
     ) -> ArrayVec<(usize, Hit), WORD> {
-        let (mut local, share, spots) = (*sums, self.share(), &self.table.spots);
-        let mut others = ArrayVec::new();
-        for (bit, hit) in set_bits(bits).zip(hits.iter()) {
-            if !self.counts(hit) {
-                others.push((first + bit, hit));
-                continue;
-            }
-            let (functions, weight) = (&self.table.points.functions[first + bit], self.weight(share, first + bit));
-            let value = source.known_value::<N, B>(hit, spots);
-            for k in 0..N {
-                let weighted = weight * functions[k];
-                for b in 0..B {
-                    local[k][b] += weighted * value[b];
+        let (mut others, mut counting) = (ArrayVec::new(), Few::default());
+        if !self.among_lamps && !hits.is_plain() {
+            for (bit, hit) in set_bits(bits).zip(hits.iter()) {
+                if self.counts(hit) {
+                    counting.push(hit);
+                } else {
+                    others.push((first + bit, hit));
+                    bits &= !(1 << bit);
                 }
             }
+            hits = counting.run(hits);
         }
-        *sums = local;
+        let functions = self.stretch.as_ref().map_or(&self.table.points.functions, |stretch| &stretch.functions);
+        let more = sum_of::<N, B, T>(&functions[first..], (bits, hits), source, &self.table.spots);
+        let share = self.share();
+        sums.iter_mut().flatten().zip(more.iter().flatten()).for_each(|(sum, more)| *sum += share * more);
         others
+    }
+}
+
+/// How much each ray counts on a cell whose map stretches it.
+struct Stretch {
+    /// The Jacobian at each ray's point relative to the mean one.
+    weights: Vec<f64>,
+    /// The functions there, times that.
+    functions: Vec<[f64; MAX_DOFS]>,
+}
+
+impl Stretch {
+    fn new(points: &Points, patch: &Patch) -> Self {
+        let mean = patch.area() / patch.shape().reference_area();
+        let weights: Vec<f64> = points.at.iter().map(|&at| patch.jacobian(at) / mean).collect();
+        let functions = points.functions.iter().zip(&weights).map(|(of_ray, weight)| of_ray.map(|n| weight * n));
+        Self { functions: functions.collect(), weights }
     }
 }
 
@@ -264,10 +281,10 @@ impl Sampled {
         // Sums of rays that count, where lengths are known: they stay in registers.
         let mut known_fit = [[0.0; B]; N];
         for (first, bits, hits) in rays.ended.words(rays.taken.clone()) {
-            source.ask_for::<N, B>(&self.cells, hits);
             let others: ArrayVec<_, WORD> = if N > 0 && B > 0 {
                 rays.add_known(source, (first, bits, hits), &mut known_fit)
             } else {
+                hits.iter().for_each(|hit| source.ask_for::<N, B>(source.place::<N, B>(&self.cells, hit.cell())));
                 set_bits(bits).map(|bit| first + bit).zip(hits.iter()).collect()
             };
             for (ray, hit) in others {
@@ -363,12 +380,6 @@ impl Sampled {
 }
 
 impl Table {
-    /// The Jacobian at each ray's point relative to the mean one.
-    fn stretch(&self, patch: &Patch) -> Vec<f64> {
-        let mean = patch.area() / patch.shape().reference_area();
-        self.points.at.iter().map(|&at| patch.jacobian(at) / mean).collect()
-    }
-
     /// From sums to coefficients, in `work.fit` and `work.rest`.
     #[inline(always)]
     fn fit<const N: usize, const B: usize>(
@@ -433,7 +444,7 @@ fn row<const N: usize, const B: usize, T: Number>(
         Some(stored) => stored.of(index),
         None => sampled.cast_again(cell, taken.end, &mut work.cast, &mut cast),
     };
-    let stretch = sampled.cells.stretched(cell).map(|patch| table.stretch(&patch));
+    let stretch = sampled.cells.stretched(cell).map(|patch| Stretch::new(&table.points, &patch));
     let (free, among_lamps) = met(ended, taken.clone());
     let rays = Rays { table, ended, taken, free, among_lamps, stretch };
     let found = sampled.read::<N, B, T>(&rays, source, work);

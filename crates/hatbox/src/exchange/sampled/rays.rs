@@ -58,6 +58,11 @@ impl Hit {
         self.cell & LINKED != 0 && !self.is_lost()
     }
 
+    /// Whether it is of a cell, and nothing else.
+    pub(super) fn is_plain(self) -> bool {
+        self.cell & (LAMP | LINKED) == 0
+    }
+
     pub(super) fn cell(self) -> usize {
         (self.cell & !(LAMP | LINKED)) as usize
     }

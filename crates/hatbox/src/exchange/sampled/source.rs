@@ -8,7 +8,6 @@
 #![expect(clippy::inline_always, reason = "loops must be compiled where their lengths are known")]
 
 use super::cells::Cells;
-use super::kept::Run;
 use super::lamps::Lamps;
 use super::rays::Hit;
 use super::spots::Spots;
@@ -127,6 +126,14 @@ impl<T: Number> Coefficients<T> {
     }
 }
 
+impl<'a, T: Number> Source<'a, T> {
+    /// Coefficients that are known one by one.
+    #[cfg(test)]
+    pub(super) fn of_known(values: &'a [T], lanes: usize, stride: usize) -> Self {
+        Self { layout: Layout { group: stride / lanes, lanes, stride }, values, means: &[] }
+    }
+}
+
 impl<T: Number> Source<'_, T> {
     /// Places for the bands of a coefficient; those beyond the bands hold zeros.
     pub(super) fn lanes(&self) -> usize {
@@ -135,26 +142,28 @@ impl<T: Number> Source<'_, T> {
 
     /// Where the coefficients of a cell begin and how many numbers they are.
     #[inline(always)]
-    fn place<const N: usize, const B: usize>(&self, cells: &Cells, cell: usize) -> Range<usize> {
-        let lanes = if B > 0 { B } else { self.layout.lanes };
+    pub(super) fn place<const N: usize, const B: usize>(&self, cells: &Cells, cell: usize) -> Range<usize> {
         if N > 0 {
-            let start = cell * self.layout.stride;
-            return start..start + N * lanes;
+            return self.known_place::<N, B>(cell);
         }
         let range = cells.range(cell);
         let start = self.layout.place(range.start);
-        start..start + range.len() * lanes
+        start..start + range.len() * if B > 0 { B } else { self.layout.lanes }
     }
 
-    /// Asks for the coefficients that rays will read, so that the memory has them on their way.
+    /// The same, if all cells have N functions.
     #[inline(always)]
-    pub(super) fn ask_for<const N: usize, const B: usize>(&self, cells: &Cells, hits: Run<'_>) {
-        for hit in hits.iter() {
-            let place = self.place::<N, B>(cells, hit.cell());
-            prefetch(self.values, place.start);
-            if self.layout.stride * size_of::<T>() > LINE || N == 0 {
-                prefetch(self.values, place.end - 1);
-            }
+    pub(super) fn known_place<const N: usize, const B: usize>(&self, cell: usize) -> Range<usize> {
+        let start = cell * self.layout.stride;
+        start..start + N * if B > 0 { B } else { self.layout.lanes }
+    }
+
+    /// Asks for the coefficients of a cell that rays will read, so that the memory has them on their way.
+    #[inline(always)]
+    pub(super) fn ask_for<const N: usize, const B: usize>(&self, place: Range<usize>) {
+        prefetch(self.values, place.start);
+        if self.layout.stride * size_of::<T>() > LINE || N == 0 {
+            prefetch(self.values, place.end - 1);
         }
     }
 
@@ -180,10 +189,16 @@ impl<T: Number> Source<'_, T> {
         }
     }
 
-    /// The same, if all cells have N functions and there are B lanes.
+    /// The coefficients of a cell, if all have N functions and there are B lanes.
+    #[inline(always)]
+    pub(super) fn known_cell<const N: usize, const B: usize>(&self, cell: usize) -> &[T] {
+        &self.values[self.known_place::<N, B>(cell)]
+    }
+
+    /// The function's value where a ray ended, for every band, if all cells have N functions and there are B lanes.
     #[inline(always)]
     pub(super) fn known_value<const N: usize, const B: usize>(&self, hit: Hit, spots: &Spots) -> [f64; B] {
-        let values = &self.values[hit.cell() * self.layout.stride..][..N * B];
+        let values = self.known_cell::<N, B>(hit.cell());
         let functions = &spots.functions(hit.spot())[..N];
         let mut sum = [0.0; B];
         for k in 0..N {
