@@ -146,14 +146,18 @@ fn operator(lines: &mut Lines, report: &Report) {
         lines.more(&format!("chosen because {reason}"));
     }
     let closure = &report.closure;
-    if closure.escape == 0.0 {
+    if closure.escape == 0.0 || closure.balanced {
         let off = format!("off by up to {}", percent(closure.deficit));
         let sums = match (closure.deficit > EXACT, closure.balanced) {
             (false, _) => "exact".to_owned(),
             (true, true) => format!("{off}, balanced away"),
             (true, false) => off,
         };
-        lines.more(&format!("closed scene; row sums were {sums}"));
+        let closed = match closure.escape {
+            0.0 => "closed scene".to_owned(),
+            _ => format!("{} of the area in closed rooms", percent(closure.enclosed)),
+        };
+        lines.more(&format!("{closed}; row sums were {sums}"));
         if closure.deficit > GREATEST_DEFICIT && !closure.balanced {
             lines.more("if that is not noise of rays, faces may lie on each other: `hatbox check` says so");
         }

@@ -197,6 +197,11 @@ impl From<NothingInFocus> for Failure {
             format!("{}{rest}", names().take(NAMES).collect::<Vec<_>>().join(", "))
         };
         let help = match &error.focus {
+            _ if error.black => {
+                "the error that is estimated is that of the reflected light, of which there is none; give it a \
+                                 reflectance, however small (0.001), and the error is that of its irradiance"
+                    .to_owned()
+            }
             Focus::Box(..) => format!("the scene lies between {} and {}", error.bounds[0], error.bounds[1]),
             Focus::Name(name) => nearest(name, names()).map_or_else(
                 || format!("use a box X,Y,Z;X,Y,Z or one of: {}", listed()),

@@ -174,11 +174,13 @@ pub struct ClosureReport {
     pub escape: f64,
     /// Share of the area that lies under other faces, and sees nothing.
     pub covered: f64,
-    /// The worst row's deviation from what a closed scene must have, before balancing.
+    /// Share of the area of cells that are in enclosures from which nothing escapes; 1 in a closed scene.
+    pub enclosed: f64,
+    /// The worst row's deviation from what a closed scene must have, before balancing; of cells that are enclosed, if any are.
     pub deficit: f64,
-    /// Whether the operator was balanced to exact row sums.
+    /// Whether the operator was balanced to exact row sums on these.
     pub balanced: bool,
-    /// What the operator of an open scene was multiplied by to lose what rays see escape.
+    /// What the operator was multiplied by on the others to lose what rays see escape.
     pub factor: f64,
 }
 
@@ -232,6 +234,15 @@ pub struct ErrorReport {
 }
 
 impl Report {
+    /// What is likely not meant: what is emitted arrives nowhere.
+    pub fn warnings(&self) -> Vec<String> {
+        let emits = self.energy.emitted.iter().sum::<f64>() > 0.0;
+        let is_dark = self.energy.mean_irradiance.iter().all(|&mean| mean == 0.0);
+        let warning =
+            "nothing of what is emitted arrives at any surface; lit sides may look outwards, `hatbox check` tells";
+        (emits && is_dark).then(|| warning.to_owned()).into_iter().collect()
+    }
+
     /// From what was given and what came out of refinement to a tolerance.
     pub fn adapted(given: &Scene, options: &adapt::Options, adapted: &Adapted) -> Self {
         let round = |round: &adapt::Round| RoundReport {
@@ -272,6 +283,7 @@ impl Report {
             closure: ClosureReport {
                 escape: solved.closure.escape,
                 covered: solved.closure.covered,
+                enclosed: solved.closure.enclosed,
                 deficit: solved.closure.deficit,
                 balanced: solved.closure.balanced,
                 factor: solved.closure.factor,

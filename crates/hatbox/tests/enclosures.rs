@@ -397,7 +397,7 @@ fn a_sheet_on_a_roof_sees_the_sky() {
     meshes::bodies::sheet(&mut mesh, on_roof.map(glam::DVec3::from));
     let scene = Scene::new(mesh, vec![Material::diffuse("all", 0.5)], Physics::Light, None).expect("a valid scene");
     let closure = System::build(&scene, &options(&ALL[0], 300, 0.1), &Silent).expect("built").exchange.closure;
-    assert!((closure.covered - 0.16 / 6.32).abs() < 1e-6, "{closure:?}");
+    assert!((closure.covered - 0.16 / 6.16).abs() < 1e-6, "{closure:?}");
 }
 
 /// What a lamp lights inside the box is nothing, and so is what links would join there.
@@ -460,5 +460,103 @@ fn the_sides_of_a_sheet_of_two_faces_are_not_covered() {
         let irradiance = system.solved(&options, &Silent).expect("solved").solution.irradiance;
         let off = irradiance.as_slice().iter().map(|e| (e - 2.0).abs()).fold(0.0, f64::max);
         assert!(off < 1e-3, "{}: {off}", kind.name);
+    }
+}
+
+/// Corners and a material.
+type Face = ([glam::DVec3; 4], u32);
+
+/// Before, integrated pairs saw both layers: a furnace with a rug drawn into its floor had a quarter more light than it should, and
+/// one whose floor was there twice three times as much, both estimated to be right to 1 %.
+#[test]
+fn of_layers_that_look_the_same_way_one_is_lit() {
+    let at =
+        |from: f64, to: f64| [[from, from], [to, from], [to, to], [from, to]].map(|[x, y]| glam::DVec3::new(x, y, 0.0));
+    let turned = |[a, b, c, d]: [glam::DVec3; 4]| [a, d, c, b];
+    let (rug, across) = (at(0.3, 0.7), at(0.5, 0.9));
+    let (one, both) = (Material::diffuse("one side", 0.5), Material::diffuse("both", 0.5));
+    let one = Material { exitance: Quantity::gray(1.0), ..one };
+    let both = Material { exitance: Quantity::gray(1.0), two_sided: true, ..both };
+    // Faces that are drawn into the floor, and what is the area of the room with them.
+    let cases: [(&str, &[Face], f64); 6] = [
+        ("a rug", &[(rug, 0)], 6.0),
+        ("a rug of two sides, which looks down", &[(turned(rug), 1)], 6.16),
+        ("the floor", &[(at(0.0, 1.0), 0)], 6.0),
+        ("rugs across each other", &[(rug, 0), (across, 0)], 6.0),
+        ("a rug twice", &[(rug, 0), (rug, 0)], 6.0),
+        ("a rug of two faces", &[(rug, 0), (turned(rug), 0)], 6.16),
+    ];
+    for (name, faces, area) in cases {
+        let mut mesh = meshes::room(glam::DVec3::ONE, |_| false);
+        for (corners, material) in faces {
+            meshes::face(&mut mesh, corners, *material);
+        }
+        let scene = Scene::new(mesh, vec![one.clone(), both.clone()], Physics::Light, None).expect("a valid scene");
+        assert!((scene.mesh.area() - area).abs() < 1e-9, "{name}: {}", scene.mesh.area());
+        for kind in hatbox::exchange::ALL {
+            let options = Options { operator: kind, error_points: 64, ..options(&ALL[1], 300, 0.02) };
+            let solution = solve(&scene, &options, &Silent).expect("solved").solution;
+            for cell in 0..solution.space.cells() {
+                let (patch, range) = (solution.scene.mesh.patch(cell), solution.space.range(cell));
+                let is_seen = patch.center().z > 0.0 || patch.normal().z > 0.0;
+                let as_expected = |&e: &f64| if is_seen { (e - 2.0).abs() < 1e-5 } else { e < 1e-9 };
+                let irradiance = &solution.irradiance.band(0)[range];
+                assert!(irradiance.iter().all(as_expected), "{name}, {}, cell {cell}: {irradiance:?}", kind.name);
+            }
+        }
+    }
+}
+
+/// In a room that hardly absorbs, rays that miss a few of those that should be lost raise the light of all of it. Before, what
+/// the errors of a sampled operator cause by reflection was in no estimate.
+#[test]
+fn the_estimate_of_a_bright_room_knows_what_the_noise_of_rays_causes() {
+    let mut mesh = meshes::room(glam::DVec3::ONE, |_| false);
+    let hole = [[0.45, 0.45], [0.55, 0.45], [0.55, 0.55], [0.45, 0.55]].map(|[x, y]| glam::DVec3::new(x, y, 0.0));
+    meshes::face(&mut mesh, &hole, 1);
+    let white = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("white", 0.99) };
+    let scene = Scene::new(mesh, vec![white, Material::diffuse("black", 0.0)], Physics::Light, None).expect("valid");
+    let truth = solve(&scene, &options(&ALL[0], 300, 1e-6), &Silent).expect("solved");
+    let truth = mean(&truth, |_| true);
+    let of = |seed: u64| {
+        let kind = hatbox::exchange::kind("sampled").expect("known");
+        let options = Options { operator: kind, seed, error_points: 64, ..options(&ALL[0], 300, 0.1) };
+        let solved = solve(&scene, &options, &Silent).expect("solved");
+        ((mean(&solved, |_| true) / truth - 1.0).abs(), solved.error.expect("asked for"))
+    };
+    let found: Vec<_> = (0..20).map(of).collect();
+    let told =
+        found.iter().map(|(error, estimate)| format!("{error:.4} {:.4} {:.4}", estimate.relative, estimate.operator));
+    let told: Vec<_> = told.collect();
+    let above = found.iter().filter(|(error, estimate)| *error > estimate.relative).count();
+    assert!(above <= 2, "error, estimate, computation: {told:#?}");
+    assert!(found.iter().any(|(error, _)| *error > 0.02), "noise is what this is about: {told:#?}");
+}
+
+/// A room does not lose its row sums because something stands outside. Before, a plate far away was enough for the room to be left
+/// unbalanced.
+#[test]
+fn a_room_is_balanced_though_light_escapes_elsewhere() {
+    let plate = [[9.0, 9.0, 9.0], [10.0, 9.0, 9.0], [10.0, 10.0, 9.0], [9.0, 10.0, 9.0]].map(glam::DVec3::from);
+    for (basis, tolerance) in [(&ALL[0], 0.05), (&ALL[1], 0.05), (&ALL[3], 0.1)] {
+        let mut mesh = meshes::room(glam::DVec3::ONE, |_| false);
+        let within = glam::DVec3::new(0.3, 0.4, 0.0);
+        meshes::bodies::body(&mut mesh, &meshes::CUBE, |p| within + 0.3 * p + glam::DVec3::Z * 0.2);
+        let cells = mesh.cells.len();
+        meshes::face(&mut mesh, &plate, 0);
+        assert!(mesh.cells.len() > cells);
+        let options =
+            Options { operator: hatbox::exchange::kind("dense").expect("known"), ..options(basis, 300, tolerance) };
+        let system = System::build(&glowing(mesh), &options, &Silent).expect("built");
+        let closure = system.exchange.closure;
+        assert!(closure.escape > 0.0 && closure.balanced && closure.deficit > 1e-9, "{}: {closure:?}", basis.name);
+        assert!((closure.enclosed - 6.54 / 7.54).abs() < 1e-9, "{closure:?}");
+        let solution = system.solved(&options, &Silent).expect("solved").solution;
+        for cell in 0..solution.space.cells() {
+            let expected = if solution.scene.mesh.patch(cell).center().z > 8.0 { 1.0 } else { 2.0 };
+            for b in &solution.radiosity.band(0)[solution.space.range(cell)] {
+                assert!((b - expected).abs() < 1e-8, "{}, cell {cell}: {b}", basis.name);
+            }
+        }
     }
 }

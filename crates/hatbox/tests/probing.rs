@@ -235,3 +235,41 @@ fn probing_can_be_interrupted() {
     let stopped = Probe::new(&solution).values_with_direct_light(&points(), 0, &Impatient);
     assert_eq!(stopped, Err(Interrupted));
 }
+
+/// Behind slats each cell sees as much of a lamp as its few points happen to. Before, irradiance was not averaged over the cells that
+/// meet, as radiosity is, and had twice its error, which the estimate is of: here they differed by 0.15.
+#[test]
+fn irradiance_behind_slats_is_as_accurate_as_radiosity() {
+    let mut mesh = meshes::room(DVec3::new(4.0, 3.0, 2.5), |_| false);
+    let lamp = [[1.0, 1.0], [1.0, 2.0], [3.0, 2.0], [3.0, 1.0]].map(|[x, y]| DVec3::new(x, y, 2.45));
+    meshes::face(&mut mesh, &lamp, 1);
+    for k in 0..21 {
+        let x = 1.0 + 0.1 * f64::from(k);
+        let slat = [[1.0, 2.3], [2.0, 2.3], [2.0, 2.4], [1.0, 2.4]].map(|[y, z]| DVec3::new(x, y, z));
+        meshes::face(&mut mesh, &slat, 2);
+    }
+    let lamp = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("lamp", 0.0) };
+    let slats = Material { two_sided: true, ..Material::diffuse("slats", 0.0) };
+    let materials = vec![Material::diffuse("walls", 0.001), lamp, slats];
+    let scene = Scene::new(mesh, materials, Physics::Light, None).expect("valid");
+    let operator = hatbox::exchange::kind("sampled").expect("known");
+    let options = Options {
+        operator,
+        refinement: Refinement::Elements(1500),
+        tolerance: 0.03,
+        error_points: 0,
+        ..Options::default()
+    };
+    let solved = solve(&scene, &options, &Silent).expect("solved");
+    assert!(solved.energy.defect() < 1e-5, "{}", solved.energy.defect());
+    let (solution, mass) = (&solved.solution, hatbox::assemble::mass(&solved.solution.scene, &solved.solution.space));
+    let mut off = solution.irradiance.clone();
+    off.add_scaled(-1000.0, &solution.radiosity);
+    let on_walls = |function: &hatbox::linalg::MultiVector| -> f64 {
+        let weighted = hatbox::linalg::LinearOperator::times(&mass, function);
+        let cells = (0..solution.space.cells()).filter(|&cell| solution.scene.mesh.cells[cell].material == 0);
+        cells.flat_map(|cell| solution.space.range(cell)).map(|k| function.band(0)[k] * weighted.band(0)[k]).sum()
+    };
+    let relative = (on_walls(&off) / on_walls(&solution.irradiance)).sqrt();
+    assert!(relative < 0.06, "E and B/R differ by {relative}");
+}

@@ -81,7 +81,7 @@ fn what_goes_to_and_fro_is_balanced() {
     let factors = (0..cells).map(|cell| 1.0 + 0.12 * above(cell)).collect();
     let mass = mass(&scene, &space);
     let inverse = mass.inverse().expect("positive definite");
-    let closed = Escape { fraction: 0.0, scatter: 0.0 };
+    let closed = Escape { fraction: 0.0, scatter: 0.0, open: Vec::new() };
     let (panels, blockers) = (OnceLock::new(), Arc::new(Bvh::of_surfaces(&scene.surfaces)));
     let geometry = Geometry::new(&scene, &space, &blockers, &panels);
     let balanced = Balanced::new(Box::new(Scaled { exchange, factors }), &geometry, [&mass, &inverse], &closed);

@@ -45,6 +45,7 @@ fn floor(quads: bool, bands: usize) -> Scene {
     Scene {
         mesh: mesh.into(),
         materials,
+        hidden: Arc::new([surfaces[1]]),
         surfaces: Arc::new(surfaces),
         bands,
         physics: Physics::Light,
@@ -187,6 +188,7 @@ fn a_solution_comes_back_bit_for_bit() {
         assert_eq!(bits(&before.irradiance), bits(&after.irradiance));
         assert_eq!(before.scene.mesh, after.scene.mesh);
         assert_eq!(before.scene.surfaces, after.scene.surfaces);
+        assert_eq!(before.scene.hidden, after.scene.hidden);
         assert_eq!(before.scene.camera, after.scene.camera);
         assert_eq!((before.scene.physics, before.scene.bands), (after.scene.physics, after.scene.bands));
         assert_eq!(before.space.basis(), after.space.basis());
@@ -282,7 +284,7 @@ fn no_foreign_array_crashes_the_reader() {
         let mut arrays = whole.clone();
         arrays.remove(key);
         rezip(&bad, &arrays);
-        let optional = ["nodes", "continuous"].contains(&key.as_str());
+        let optional = ["nodes", "continuous", "hidden"].contains(&key.as_str());
         assert_eq!(npz::load(&bad).is_ok(), optional, "without `{key}`");
         let array = Array::parse(bytes).expect("an array");
         let mut others: Vec<_> = [(vec![1], 7_u8), (vec![0], 0), (vec![3], 255), (vec![], 9), (vec![2, 4, 3], 1)]

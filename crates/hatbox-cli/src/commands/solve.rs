@@ -42,7 +42,7 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
         io::writer_for(path)?;
     }
     // 2. The scene.
-    let (scene, warnings) = io::read_scene(&args.scene.path)?;
+    let (scene, mut warnings) = io::read_scene(&args.scene.path)?;
     output::warn(&warnings);
     let adaptive = options::adaptive(args);
     if args.certify {
@@ -76,6 +76,9 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
         checkpoint.remove();
     }
     // 5. The summary.
+    let late = report.warnings();
+    output::warn(&late);
+    warnings.extend(late);
     let seconds = started.elapsed().as_secs_f64();
     let done = Done { report, seconds, peak_bytes: output::peak_bytes(), outputs, warnings };
     match talk {

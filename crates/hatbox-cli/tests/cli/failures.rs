@@ -102,6 +102,21 @@ fn a_focus_on_nothing_is_refused_before_the_work() {
     ] {
         fail(&folder, 1, hatbox().arg("solve").arg(&scene).args(["--focus", focus]), &expected);
     }
+    folder.file("square.mtl", "newmtl floor\nKd 0 0 0\n");
+    let expected = ["nothing of `floor` reflects light", "0.001"];
+    fail(&folder, 1, hatbox().arg("solve").arg(&scene).args(["--focus", "floor"]), &expected);
+}
+
+/// Before, nothing was said, and the error was about 0 %.
+#[test]
+fn a_lamp_whose_light_arrives_nowhere_is_warned_of() {
+    let folder = Folder::new();
+    folder.file("square.mtl", "newmtl lamp\nKd 0.5 0.5 0.5\nKe 1 1 1\n");
+    let scene = folder.file("square.obj", format!("mtllib square.mtl\n{SQUARE}usemtl lamp\nf 1 2 3 4\n"));
+    let output = hatbox().arg("solve").arg(&scene).args(["--json"]).output().expect("the binary runs");
+    assert!(output.status.success() && text(&output.stderr).contains("arrives at any surface"));
+    let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert!(report["warnings"][0].as_str().expect("a warning").contains("`hatbox check`"));
 }
 
 #[test]

@@ -49,31 +49,35 @@ impl Focus {
     }
 }
 
-/// A focus that no cell lies in.
+/// A focus that no cell lies in that reflects light.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("--focus: {}", missing(.focus))]
+#[error("--focus: {}", missing(.focus, *.black))]
 pub struct NothingInFocus {
     /// What was asked for.
     pub focus: Focus,
+    /// Whether there is something there, but nothing that reflects.
+    pub black: bool,
     /// The names of what gives or takes light.
     pub names: BTreeSet<String>,
     /// Corners of the box around the scene.
     pub bounds: Box<[DVec3; 2]>,
 }
 
-fn missing(focus: &Focus) -> String {
+fn missing(focus: &Focus, black: bool) -> String {
     match focus {
+        Focus::Name(name) if black => format!("nothing of `{name}` reflects light"),
+        Focus::Box(a, b) if black => format!("nothing between {a} and {b} (metres) reflects light"),
         Focus::Name(name) => format!("no material and no object with a lit surface is named `{name}`"),
         Focus::Box(a, b) => format!("no surface lies between {a} and {b} (metres)"),
     }
 }
 
 impl NothingInFocus {
-    pub(super) fn of(focus: &Focus, scene: &Scene) -> Self {
+    pub(super) fn of(focus: &Focus, scene: &Scene, black: bool) -> Self {
         let mesh = &scene.mesh;
         let of = |cell: usize| [&scene.material(cell).name, &mesh.groups[mesh.cells[cell].group as usize]];
         let names = (0..mesh.cells.len()).flat_map(of).cloned().collect();
-        Self { focus: focus.clone(), names, bounds: Box::new(mesh.bounds().into()) }
+        Self { focus: focus.clone(), black, names, bounds: Box::new(mesh.bounds().into()) }
     }
 }
 
@@ -110,6 +114,7 @@ pub(super) fn importance(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::adapt;
     use crate::element::Shape;
     use crate::mesh::{Cell, Mesh, Refinement};
     use crate::progress::Silent;
@@ -141,6 +146,20 @@ mod tests {
         let dual = system.reflections(&glow, &Silent).expect("solved");
         let psi = |cell| dual.band(0)[solution.space.range(cell)].iter().sum::<f64>() / 3.0;
         (0..focus.len()).map(|cell| (focus[cell], weights[cell], psi(cell))).collect()
+    }
+
+    /// The error is that of the reflected light: before, it was nothing on a black detector, and reached on the first mesh.
+    #[test]
+    fn what_reflects_nothing_is_no_focus() {
+        let mut scene = plates(1.0);
+        let options = |name: &str| adapt::Options { focus: Some(Focus::Name(name.to_owned())), ..Default::default() };
+        assert_eq!(options("floor").check_focus(&scene), Ok(()));
+        let black = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("floor", 0.0) };
+        scene.set_materials(vec![black, Material::diffuse("ceiling", 0.5)]).expect("as many");
+        let error = options("floor").check_focus(&scene).expect_err("black");
+        assert_eq!(error.to_string(), "--focus: nothing of `floor` reflects light");
+        assert_eq!(options("ceiling").check_focus(&scene), Ok(()));
+        assert!(!options("roof").check_focus(&scene).expect_err("nowhere").black);
     }
 
     #[test]

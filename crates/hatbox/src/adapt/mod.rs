@@ -78,16 +78,22 @@ impl Options {
     /// Makes sure that there is something in focus.
     ///
     /// # Errors
-    /// [`NothingInFocus`] if no cell would lie in it, however fine.
+    /// [`NothingInFocus`] if no cell would lie in it, however fine, or none that reflects: the error is that of the reflected light.
     pub fn check_focus(&self, scene: &Scene) -> Result<(), NothingInFocus> {
         let Some(focus) = &self.focus else { return Ok(()) };
+        // For cells in focus whether they reflect.
+        let found = |scene: &Scene| -> Vec<bool> {
+            let cells = focus.cells(scene).into_iter().enumerate().filter(|(_, is_in)| *is_in);
+            cells.map(|(cell, _)| reflects(scene, cell)).collect()
+        };
+        let mut of_cells = found(scene);
         // A box may hold no middle of a face, and yet middles of smaller cells. (What cannot be refined is told elsewhere.)
-        let found = focus.cells(scene).contains(&true)
-            || matches!(focus, Focus::Box(..))
-                && scene
-                    .refined(Refinement::Elements(self.most_coefficients), self.solve.basis)
-                    .map_or(true, |fine| focus.cells(&fine).contains(&true));
-        if found { Ok(()) } else { Err(NothingInFocus::of(focus, scene)) }
+        if of_cells.is_empty() && matches!(focus, Focus::Box(..)) {
+            let fine = scene.refined(Refinement::Elements(self.most_coefficients), self.solve.basis);
+            of_cells = fine.map_or(vec![true], |fine| found(&fine));
+        }
+        let is_black = !of_cells.is_empty();
+        if of_cells.contains(&true) { Ok(()) } else { Err(NothingInFocus::of(focus, scene, is_black)) }
     }
 }
 
@@ -161,6 +167,12 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
             None => return Ok(Adapted { system, solved, rounds, reached: false }),
         }
     }
+}
+
+/// Whether a cell's material reflects light anywhere.
+fn reflects(scene: &Scene, cell: usize) -> bool {
+    let reflectance = &scene.material(cell).reflectance;
+    (0..scene.bands).any(|band| reflectance.uniform(band) != Some(0.0))
 }
 
 /// What a round has found, and how much the error of each cell counts, if not alike.

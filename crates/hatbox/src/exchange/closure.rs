@@ -10,16 +10,18 @@
 //! streets of a city were not balanced in eight of them: between walls that face each other Δ + S is nearly singular, and
 //! what is left of the deficit is then not small.
 //!
-//! An open scene has no row sums to go by, but its rays have measured what escapes of all. Where S loses more or less than
+//! An open scene has no row sums to go by, but for cells that are closed in all the same (`enclosed`); but its rays have measured what escapes of all. Where S loses more or less than
 //! the scatter of the rays allows, it is multiplied by a number: behind a small hole in a bright room, an error of 1e-3
 //! of the row sums would be more than what the hole lets out.
 
+use super::enclosed::enclosed;
 use super::sealed::is_sealed;
 use super::{Exchange, Geometry, Statistics};
 use crate::assemble::function_weighted_mass;
 use crate::kernel::{Frame, geometric};
 use crate::linalg::{BlockDiagonal, Csr, LinearOperator, MultiVector};
 use crate::mesh::Patch;
+use crate::mesh::polygon::area_vector;
 use crate::progress::{Interrupted, Progress, Silent};
 use crate::quadrature::sequence::{hash, point};
 use crate::scene::Scene;
@@ -28,13 +30,14 @@ use crate::space::FunctionSpace;
 use crate::visibility::{Bvh, Hit, Visibility};
 use glam::DVec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// A scene is scaled only where the row sums are off by less than this; larger deficits are an error to be found.
 pub const GREATEST_DEFICIT: f64 = 0.05;
 /// Rays per cell that look for a way out, at the least.
 const ESCAPE_RAYS: u32 = 16;
 /// Rays of all cells together, at the least: if none gets out, less than 3/200 000 of the light does (95 %).
-const ALL_ESCAPE_RAYS: usize = 200_000;
+pub(super) const ALL_ESCAPE_RAYS: usize = 200_000;
 /// Faces that a ray meets within this part of its length are met together.
 const TOGETHER: f64 = 1e-9;
 /// A cell is large if it is more than this share of all area.
@@ -63,11 +66,13 @@ pub struct Closure {
     pub covered: f64,
     /// 1 − 1ᵀS1/A before scaling: the same fraction, as S has it.
     pub lost: f64,
-    /// Largest |1 − (S 1)_i/A_i| over the cells before scaling, meaningful in a closed scene.
+    /// Share of the area of cells that are in enclosures from which nothing escapes: 1 in a closed scene.
+    pub enclosed: f64,
+    /// Largest |1 − (S 1)_i/A_i| before scaling, over the cells that are enclosed, or over all if none is.
     pub deficit: f64,
-    /// Whether S was scaled to exact row sums.
+    /// Whether S was scaled to exact row sums on all cells that are enclosed.
     pub balanced: bool,
-    /// What S was multiplied by to lose what the rays see escape; 1 in a closed scene.
+    /// What S was multiplied by on the others to lose what the rays see escape; 1 in a closed scene.
     pub factor: f64,
 }
 
@@ -75,8 +80,10 @@ pub struct Closure {
 pub struct Balanced {
     exchange: Box<dyn Exchange>,
     scaling: Option<Scaling>,
-    /// What S is multiplied by in an open scene.
+    /// What S is multiplied by on cells that are not enclosed.
     factor: Option<f64>,
+    /// The coefficients of these, in runs; S leads from none of them to others.
+    open: Vec<Range<usize>>,
     /// What was found and done.
     pub closure: Closure,
 }
@@ -104,32 +111,36 @@ impl Scaling {
 }
 
 impl Balanced {
-    /// Scales S to exact row sums if the scene is closed and the deficit small; otherwise leaves it as it is.
+    /// Scales S to exact row sums on cells that are enclosed, if the deficit is small; otherwise leaves it as it is.
     pub fn new(
         exchange: Box<dyn Exchange>,
         geometry: &Geometry<'_>,
-        [mass, mass_inverse]: [&BlockDiagonal; 2],
+        masses: [&BlockDiagonal; 2],
         escape: &Escape,
     ) -> Self {
-        let (scene, space) = (geometry.scene, geometry.space);
+        let (space, covered, enclosed) = (geometry.space, geometry.covered(), enclosed(&*exchange, geometry, escape));
+        let [open, closed] = [false, true].map(|is| runs(space, |cell| enclosed[cell] == is));
         let ones = MultiVector::uniform(space.broken_dofs(), &[1.0]);
-        let (mut target, mut covered) = (mass.times(&ones), 0.0);
-        for (cell, _) in geometry.covered().iter().enumerate().filter(|(_, covered)| **covered) {
-            target.band_mut(0)[space.range(cell)].fill(0.0);
-            covered += scene.mesh.patch(cell).area();
-        }
-        let covered = if covered > 0.0 { covered / scene.mesh.area() } else { 0.0 };
-        let sums = exchange.times(&ones);
-        let total = |x: &MultiVector| x.band(0).iter().sum::<f64>();
-        let lost = 1.0 - total(&sums) / total(&target).max(f64::MIN_POSITIVE);
-        let deficit = cell_deficit(space, &target, &sums);
-        let closure = Closure { escape: escape.fraction, covered, lost, deficit, balanced: false, factor: 1.0 };
-        let mut balanced = Self { exchange, scaling: None, factor: None, closure };
-        if escape.fraction == 0.0 && deficit < GREATEST_DEFICIT {
-            balanced.balance(scene, space, mass, mass_inverse, [&target, &sums]);
-        } else if escape.fraction > 0.0 && balanced.exchange.is_symmetric() {
-            balanced.factor = open_factor(escape, lost);
+        let hidden = runs(space, |cell| covered[cell]);
+        let rows = Rows { target: without(&masses[0].times(&ones), &hidden), sums: exchange.times(&ones) };
+        let closure = Closure {
+            escape: escape.fraction,
+            covered: share(geometry, covered),
+            lost: rows.lost(),
+            enclosed: share(geometry, &enclosed),
+            deficit: rows.deficit(space, |cell| enclosed[cell] || closed.is_empty()),
+            balanced: false,
+            factor: 1.0,
+        };
+        let mut balanced = Self { exchange, scaling: None, factor: None, open, closure };
+        if escape.fraction > 0.0 && balanced.exchange.is_symmetric() {
+            let there = rows.without(&closed);
+            balanced.factor = open_factor(&escape.of_share(there.area() / rows.area()), there.lost());
             balanced.closure.factor = balanced.factor.unwrap_or(1.0);
+        }
+        if !closed.is_empty() && closure.deficit < GREATEST_DEFICIT {
+            let rows = rows.without(&balanced.open);
+            balanced.balance(geometry.scene, space, masses, &rows);
         }
         balanced
     }
@@ -139,13 +150,12 @@ impl Balanced {
         &mut self,
         scene: &Scene,
         space: &FunctionSpace,
-        mass: &BlockDiagonal,
-        mass_inverse: &BlockDiagonal,
-        [target, sums]: [&MultiVector; 2],
+        [mass, mass_inverse]: [&BlockDiagonal; 2],
+        rows: &Rows,
     ) {
-        let norm = target.norms()[0];
+        let (target, norm) = (&rows.target, rows.target.norms()[0]);
         let mut residual = target.clone();
-        residual.add_scaled(-1.0, sums);
+        residual.add_scaled(-1.0, &rows.sums);
         self.closure.balanced = residual.norms()[0] <= BALANCED * norm;
         if self.closure.balanced || !self.exchange.is_symmetric() {
             return;
@@ -173,11 +183,11 @@ impl Balanced {
         }
     }
 
-    /// Δ 1 − S 1
+    /// Δ 1 − S 1 on cells that are enclosed.
     fn deviation(&self, target: &MultiVector) -> MultiVector {
         let mut residual = target.clone();
         residual.add_scaled(-1.0, &self.times(&MultiVector::uniform(target.rows(), &[1.0])));
-        residual
+        without(&residual, &self.open)
     }
 }
 
@@ -213,7 +223,10 @@ impl LinearOperator for Balanced {
             Some(Scaling { d, transposed }) => *y = transposed.times(&self.exchange.times(&d.times(x))),
         }
         if let Some(factor) = self.factor {
-            y.scale(factor);
+            for band in 0..y.bands() {
+                let column = y.band_mut(band);
+                self.open.iter().for_each(|run| column[run.clone()].iter_mut().for_each(|y| *y *= factor));
+            }
         }
     }
 }
@@ -252,6 +265,10 @@ impl Exchange for Balanced {
         self.exchange.steady(x)
     }
 
+    fn steady_noise(&self, x: &MultiVector) -> Option<MultiVector> {
+        self.exchange.steady_noise(x)
+    }
+
     fn spread(&self, x: &MultiVector) -> Option<MultiVector> {
         self.exchange.spread(x)
     }
@@ -273,23 +290,82 @@ impl Exchange for Balanced {
     }
 }
 
-/// The largest relative deficit of a cell's row sum, of those that have one.
-fn cell_deficit(space: &FunctionSpace, target: &MultiVector, sums: &MultiVector) -> f64 {
-    let deficit = |cell: usize| {
-        let over = |v: &MultiVector| v.band(0)[space.range(cell)].iter().sum::<f64>();
-        if over(target) == 0.0 { 0.0 } else { (1.0 - over(sums) / over(target)).abs() }
-    };
-    (0..space.cells()).map(deficit).fold(0.0, f64::max)
+/// The coefficients of some cells, in runs.
+fn runs(space: &FunctionSpace, counts: impl Fn(usize) -> bool) -> Vec<Range<usize>> {
+    let mut runs: Vec<Range<usize>> = Vec::new();
+    for range in (0..space.cells()).filter(|&cell| counts(cell)).map(|cell| space.range(cell)) {
+        match runs.last_mut() {
+            Some(last) if last.end == range.start => last.end = range.end,
+            _ => runs.push(range),
+        }
+    }
+    runs
+}
+
+/// A vector with zeros at runs.
+fn without(x: &MultiVector, runs: &[Range<usize>]) -> MultiVector {
+    let mut x = x.clone();
+    for run in runs {
+        x.band_mut(0)[run.clone()].fill(0.0);
+    }
+    x
+}
+
+/// The share of some cells in all area.
+fn share(geometry: &Geometry<'_>, counts: &[bool]) -> f64 {
+    let area = |(cell, _): (usize, _)| geometry.scene.mesh.patch(cell).area();
+    let area: f64 = counts.iter().enumerate().filter(|(_, counts)| **counts).map(area).sum();
+    if area > 0.0 { area / geometry.scene.mesh.area() } else { 0.0 }
+}
+
+/// What row sums should be, Δ 1 but for what is covered, and are, S 1.
+struct Rows {
+    target: MultiVector,
+    sums: MultiVector,
+}
+
+impl Rows {
+    fn without(&self, runs: &[Range<usize>]) -> Self {
+        Self { target: without(&self.target, runs), sums: without(&self.sums, runs) }
+    }
+
+    fn area(&self) -> f64 {
+        self.target.band(0).iter().sum::<f64>().max(f64::MIN_POSITIVE)
+    }
+
+    /// The share of the light of cells that glow alike that arrives nowhere.
+    fn lost(&self) -> f64 {
+        1.0 - self.sums.band(0).iter().sum::<f64>() / self.area()
+    }
+
+    /// The largest relative deficit of a cell's row sum, of those that count and have one.
+    fn deficit(&self, space: &FunctionSpace, counts: impl Fn(usize) -> bool) -> f64 {
+        let deficit = |cell: usize| {
+            let [target, sum] = [&self.target, &self.sums].map(|x| x.band(0)[space.range(cell)].iter().sum::<f64>());
+            if target == 0.0 { 0.0 } else { (1.0 - sum / target).abs() }
+        };
+        (0..space.cells()).filter(|&cell| counts(cell)).map(deficit).fold(0.0, f64::max)
+    }
 }
 
 /// How much of the light of uniformly glowing cells leaves a scene, by rays.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Escape {
     /// The fraction of it.
     pub fraction: f64,
     /// How far that may be wrong: three standard deviations. Each cell has as many rays, so that it is the large ones that
     /// scatter, also where all of their rays were of one mind.
     pub scatter: f64,
+    /// The cells of which some did, if that is known.
+    pub open: Vec<bool>,
+}
+
+impl Escape {
+    /// The same of the cells with this share of the area that sees something, if nothing escapes from the others.
+    fn of_share(&self, share: f64) -> Self {
+        let of = |whole: f64| if share > 0.0 { whole / share } else { 0.0 };
+        Self { fraction: of(self.fraction), scatter: of(self.scatter), open: Vec::new() }
+    }
 }
 
 /// The fraction of the light of uniformly glowing cells that leaves the scene: [`escapes`], weighted by area. Cells that
@@ -311,6 +387,7 @@ pub fn escape(geometry: &Geometry<'_>, seed: u64, progress: &dyn Progress) -> Re
     Ok(Escape {
         fraction: shares().map(|(share, fraction)| share * fraction).sum(),
         scatter: squares.sum::<f64>().sqrt(),
+        open: fractions.iter().zip(covered).map(|(&fraction, &covered)| fraction > 0.0 && !covered).collect(),
     })
 }
 
@@ -403,26 +480,25 @@ pub(super) fn measured(
     seed: u64,
     progress: &dyn Progress,
 ) -> Result<Vec<f64>, Interrupted> {
-    let mesh = &geometry.scene.mesh;
-    let receives = receiving_sides(geometry.scene);
-    let count = rays_per_cell(mesh.cells.len(), rays);
-    let covered = geometry.covered();
+    let (receives, covered) = (receiving_sides(geometry.scene), geometry.covered());
+    let count = rays_per_cell(covered.len(), rays);
     let lost = |cell: usize| {
         if covered[cell] {
             return Ok(1.0);
         }
-        let (patch, surface) = (mesh.patch(cell), mesh.cells[cell].surface);
-        let set = hash(seed ^ 0x6573_6361, cell as u64);
-        let escapes = |&k: &u32| {
-            let (origin, direction) = cosine_ray(&patch, point(set, k));
-            let lit = |id: u32, front: bool| receives[id as usize][usize::from(!front)];
-            let hit = first_face(geometry.blockers, [origin, direction], surface, lit);
-            !hit.is_some_and(|hit| lit(hit.id, hit.front))
-        };
-        let escaped = (0..count).filter(escapes).count() as f64;
+        let escaped = (0..count).filter(|&k| gets_away(geometry, &receives, cell, seed, k)).count() as f64;
         if progress.interrupted() { Err(Interrupted) } else { Ok(escaped / f64::from(count)) }
     };
-    (0..mesh.cells.len()).into_par_iter().map(lost).collect()
+    (0..covered.len()).into_par_iter().map(lost).collect()
+}
+
+/// Whether the k-th ray from a cell hits nothing, or a side of a face that receives nothing.
+pub(super) fn gets_away(geometry: &Geometry<'_>, receives: &[[bool; 2]], cell: usize, seed: u64, k: u32) -> bool {
+    let (patch, surface) = (geometry.scene.mesh.patch(cell), geometry.scene.mesh.cells[cell].surface);
+    let (origin, direction) = cosine_ray(&patch, point(hash(seed ^ 0x6573_6361, cell as u64), k));
+    let lit = |id: u32, front: bool| receives[id as usize][usize::from(!front)];
+    let hit = first_face(geometry.blockers, [origin, direction], surface, lit);
+    !hit.is_some_and(|hit| lit(hit.id, hit.front))
 }
 
 /// The first face that a ray from a point of a surface meets. Where a lit side and an unlit one are met together, as the two
@@ -451,8 +527,10 @@ pub fn rays_per_cell(cells: usize, least: u32) -> u32 {
 /// Whether the front and the back of each face of the input receive light.
 pub(super) fn receiving_sides(scene: &Scene) -> Vec<[bool; 2]> {
     let mut receives = vec![[false; 2]; scene.surfaces.len()];
-    for cell in &scene.mesh.cells {
-        receives[cell.surface as usize] = [true, scene.materials[cell.material as usize].two_sided];
+    let fronts: Vec<DVec3> = scene.surfaces.iter().map(|surface| area_vector(surface.corners())).collect();
+    for (index, cell) in scene.mesh.cells.iter().enumerate() {
+        let front = fronts[cell.surface as usize].dot(scene.mesh.patch(index).normal()) > 0.0;
+        receives[cell.surface as usize][usize::from(!front)] = true;
     }
     receives
 }

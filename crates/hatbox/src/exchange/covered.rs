@@ -13,6 +13,8 @@
 //! Where more faces look one way than the other in a plane, as under a sheet of two faces that lies on a floor, one of those is
 //! seen and none of the fewer, unless they do see something (a face may be there twice by mistake).
 //!
+//! Of faces that look the same way one is left (`mesh::layers`); the others still count.
+//!
 //! What touches is told to the tolerance with which the scene was welded, whatever the size of the cells.
 
 use super::closure::{cosine_ray, receiving_sides};
@@ -35,7 +37,8 @@ const RAYS: u32 = 16;
 /// For each cell whether it lies between two bodies that touch.
 pub(super) fn covered(scene: &Scene, blockers: &Bvh) -> Vec<bool> {
     let (receives, flat) = (receiving_sides(scene), scene.mesh.tolerance());
-    let contact = |patch, surface| Contact { patch, surface, blockers, receives: &receives, flat };
+    let hidden = Bvh::of_surfaces(&scene.hidden);
+    let contact = |patch, surface| Contact { patch, surface, blockers, hidden: &hidden, receives: &receives, flat };
     // Few faces touch any other, and those without contacts need not be looked at cell by cell.
     let touched = |(id, surface): (usize, &Surface)| {
         let normal = area_vector(surface.corners()).normalize_or_zero();
@@ -54,6 +57,8 @@ struct Contact<'a> {
     patch: Patch,
     surface: u32,
     blockers: &'a Bvh,
+    /// What was left out under other faces.
+    hidden: &'a Bvh,
     /// Whether front and back of each face receive light.
     receives: &'a [[bool; 2]],
     /// A length that is none.
@@ -77,7 +82,9 @@ impl Contact<'_> {
         }
         // Layers in one plane: the outermost of those that are more on one side is seen.
         let [here, others] = [&self.level(1.0), &covers].map(|faces| self.faces_at(center, faces));
-        let more = (1 + here.len()).cmp(&others.len());
+        // The other side of a sheet is a layer that looks the other way.
+        let own = usize::from(self.receives[self.surface as usize] == [true, true]);
+        let more = (1 + here.len()).cmp(&(others.len() + own));
         if more.is_gt() {
             return false;
         }
@@ -128,17 +135,21 @@ impl Contact<'_> {
         let lo = corners.iter().copied().fold(DVec3::INFINITY, DVec3::min) - self.flat;
         let hi = corners.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) + self.flat;
         let mut found = Vec::new();
-        self.blockers.overlapping(lo, hi, |index| {
-            let Some((triangle, id)) = self.blockers.triangle(index) else { return };
-            let other = area_vector(&triangle).normalize_or_zero();
-            let is_near = |n: DVec3, d: DVec3| n.dot(d).abs() <= self.flat;
-            let is_level = || {
-                is_near(other, center - triangle[0]) || triangle.iter().all(|&corner| is_near(normal, corner - center))
-            };
-            if id != self.surface && way * other.dot(normal) > ALIGNED && is_level() {
-                found.push((id, triangle));
-            }
-        });
+        // What was left out has numbers that no other face has.
+        for (faces, first) in [(self.blockers, 0), (self.hidden, self.receives.len() as u32)] {
+            faces.overlapping(lo, hi, |index| {
+                let Some((triangle, id)) = faces.triangle(index) else { return };
+                let other = area_vector(&triangle).normalize_or_zero();
+                let is_near = |n: DVec3, d: DVec3| n.dot(d).abs() <= self.flat;
+                let is_level = || {
+                    is_near(other, center - triangle[0])
+                        || triangle.iter().all(|&corner| is_near(normal, corner - center))
+                };
+                if first + id != self.surface && way * other.dot(normal) > ALIGNED && is_level() {
+                    found.push((first + id, triangle));
+                }
+            });
+        }
         found
     }
 

@@ -9,6 +9,7 @@ mod choice;
 mod closure;
 mod covered;
 mod dense;
+mod enclosed;
 mod hierarchical;
 mod norm;
 mod sampled;
@@ -80,6 +81,17 @@ pub trait Exchange: LinearOperator + Send {
     /// The part of S x that has no noise from cell to cell, if the other part has: light from lamps, whose shadows have
     /// edges. `None` where S x has none at all.
     fn steady(&self, _x: &MultiVector) -> Option<MultiVector> {
+        None
+    }
+
+    /// Calls `join` with pairs of cells that exchange light, as many as tell which ones do so through others; `false` if it is not
+    /// known who does.
+    fn join_exchanging(&self, _join: &mut dyn FnMut(usize, usize)) -> bool {
+        false
+    }
+
+    /// A function as large as the noise that [`steady`](Self::steady) has all the same, integrated like it.
+    fn steady_noise(&self, _x: &MultiVector) -> Option<MultiVector> {
         None
     }
 

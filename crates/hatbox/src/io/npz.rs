@@ -26,6 +26,7 @@
 //! | `texture_wrap` | T × 2 | u1 | outside the image, along u and v: 0 repeat, 1 mirror, 2 clamp |
 //! | `two_sided` | M | b1 | |
 //! | `surfaces` | S × 4 × 3 | f8 | corners of the opaque faces of the input; a triangle repeats its last |
+//! | `hidden` | H × 4 × 3 | f8 | the same of pieces that were left out, because others that look the same way lie on them |
 //! | `offsets` | N + 1 | u8 | cell c has the coefficients `offsets[c]` to `offsets[c + 1]` |
 //! | `nodes` | D × 3 | f8 | where each coefficient is the value (for convenience; not read back) |
 //! | `radiosity`, `irradiance` | n × D | f8 | B in lm/m² or W/m², E in lx or W/m², at the nodes |

@@ -14,6 +14,11 @@ pub(crate) fn bounds(points: impl IntoIterator<Item = DVec3>) -> Bounds {
     points.into_iter().fold(empty, |(lo, hi), p| (lo.min(p), hi.max(p)))
 }
 
+/// Whether two boxes have a point in common.
+pub(crate) fn overlap(a: &Bounds, b: &Bounds) -> bool {
+    a.0.cmple(b.1).all() && b.0.cmple(a.1).all()
+}
+
 const LEAF: usize = 4;
 
 #[derive(Debug)]

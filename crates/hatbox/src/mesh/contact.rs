@@ -5,9 +5,10 @@
 //! cut along its contacts by a constrained Delaunay triangulation; the points in which contacts end and cross are welded
 //! over the whole mesh before any cell is cut, so that what touches shares its vertices afterwards.
 
-use super::box_tree::{self, Bounds, BoxTree};
+use super::box_tree::{self, Bounds, BoxTree, overlap};
 use super::conform::{position_on, segment_meets};
 use super::corner::{Builder, Corner};
+use super::layers::Layers;
 use super::weld::distinct;
 use super::{Mesh, Patch};
 use glam::{DVec2, DVec3};
@@ -62,7 +63,12 @@ impl Mesh {
     /// the mesh itself.
     #[must_use]
     pub fn split_at_contacts(&self, tolerance: f64) -> (Self, usize) {
-        self.split_at(&self.cuts(tolerance), tolerance, Needles::Avoided)
+        self.split_at_contacts_and(&Layers::default(), tolerance)
+    }
+
+    /// The same, and along the outlines of what lies on a face.
+    pub(crate) fn split_at_contacts_and(&self, layers: &Layers, tolerance: f64) -> (Self, usize) {
+        self.split_at(&self.cuts(layers, tolerance), tolerance, Needles::Avoided)
     }
 
     /// Splits cells along segments of their planes, each given with the index of its cell, as far as they lie in it, and
@@ -111,7 +117,7 @@ impl Mesh {
     }
 
     /// The cells that others touch, in order, each with its lines.
-    fn cuts(&self, tolerance: f64) -> Vec<Cut> {
+    fn cuts(&self, layers: &Layers, tolerance: f64) -> Vec<Cut> {
         let patches: Vec<Patch> = (0..self.cells.len()).into_par_iter().map(|cell| self.patch(cell)).collect();
         let boxes: Vec<Bounds> = patches.iter().map(|p| box_tree::bounds(p.corners().iter().copied())).collect();
         let tree = BoxTree::new(&boxes, (0..self.cells.len() as u32).collect());
@@ -128,7 +134,8 @@ impl Mesh {
                 }
             });
             found.sort_unstable_by_key(|&(other, _)| other);
-            let lines: Vec<Line> = found.into_iter().map(|(_, line)| line).collect();
+            let mut lines: Vec<Line> = found.into_iter().map(|(_, line)| line).collect();
+            lines.extend(layers.outlines(self.cells[cell].surface, &patches[cell], tolerance));
             (!lines.is_empty()).then(|| Cut { cell, crossings: crossings(&Frame::of(&patches[cell]), &lines), lines })
         };
         let mut cuts: Vec<Cut> = tree.items().par_iter().filter_map(of).collect();
@@ -226,10 +233,6 @@ impl Frame {
     }
 }
 
-fn overlap(a: &Bounds, b: &Bounds) -> bool {
-    a.0.cmple(b.1).all() && b.0.cmple(a.1).all()
-}
-
 /// The line in which b meets the inside of a, unless both lie in one plane.
 fn contact_line(a: &Patch, b: &Patch, tolerance: f64) -> Option<Line> {
     let over_a = heights(a, b, tolerance);
@@ -275,7 +278,7 @@ fn section(cell: &Patch, heights: &[f64; 4]) -> Vec<DVec3> {
 
 /// The part of a line in a cell's plane that lies in the cell, if it is longer than the tolerance and does not run along
 /// one of the edges.
-fn clipped(cell: &Patch, mut line: Line, tolerance: f64) -> Option<Line> {
+pub(super) fn clipped(cell: &Patch, mut line: Line, tolerance: f64) -> Option<Line> {
     let corners = cell.corners();
     // What is cut off at one edge may leave no more than what runs along another, so that is looked at again.
     for k in (0..corners.len()).chain(0..corners.len()) {

@@ -162,7 +162,9 @@ impl FindingKind {
             Self::Flipped => "flip them so that the lit side is the front, or make their material two-sided",
             Self::InsideOut => "turn them all round (flip their normals); fine for a body that is lit from outside",
             Self::Intersecting => "cut them where they meet, or light is wrong where a face is partly hidden inside",
-            Self::Overlapping => "remove one or lift it by a millimetre; which of the two is lit is undefined",
+            Self::Overlapping => {
+                "the smaller one is lit, and what it covers is left out; if that is not meant, remove one"
+            }
             Self::Covering => "fine for a box on a floor; cells that are partly covered are less accurate",
             Self::OpenEdge => "fine for open scenes and sheets; in a closed room, light escapes there",
             Self::Large | Self::Small => "check the length unit; lengths are taken to be metres",

@@ -3,7 +3,11 @@
 //! Walls that stand on a floor and neighbours along an edge touch, and must not be reported; so every comparison here
 //! asks for more than the tolerance.
 
+use super::Patch;
 use glam::DVec3;
+
+/// Planes are not one if the sine of the angle between them is more than this, however small what lies in them.
+const PARALLEL: f64 = 0.05;
 
 /// How two triangles lie to each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,6 +38,18 @@ pub(super) fn contact(a: &Triangle, b: &Triangle, tolerance: f64) -> Option<Cont
     let line = m.cross(n).normalize_or_zero();
     let ((a0, a1), (b0, b1)) = (interval(a, &of_a, line), interval(b, &of_b, line));
     (a1.min(b1) - a0.max(b0) > tolerance).then_some(Contact::Crossing)
+}
+
+/// Whether two faces lie in one plane and share area.
+pub(super) fn share_plane(a: &Patch, b: &Patch, tolerance: f64) -> bool {
+    let parts = |patch: &Patch| {
+        let corners = patch.corners().to_vec();
+        patch.triangles().iter().map(move |triangle| triangle.map(|k| corners[k]))
+    };
+    let in_one_plane = |a: &Triangle, b: &Triangle| {
+        matches!(contact(a, b, tolerance), Some(Contact::Overlapping | Contact::BackToBack))
+    };
+    a.normal().cross(b.normal()).length() < PARALLEL && parts(a).any(|a| parts(b).any(|b| in_one_plane(&a, &b)))
 }
 
 fn normal([a, b, c]: &Triangle) -> DVec3 {

@@ -8,6 +8,7 @@
 //! In a joined space the *computation* is Galerkin's on the hats themselves; for linear functions on triangles there are about six
 //! times fewer of them than broken ones. The irradiance is always given in the broken space.
 
+mod denoise;
 mod direct;
 mod gather;
 mod indicator;

@@ -12,8 +12,12 @@
 //! - p = R K (r + p) is what the residual causes elsewhere. Of r that can be reflected, the space knows its projection
 //!   g − B̃, with g = Δ⁻¹(b⁰ + M_R e) in the broken space: joined functions leave it. The operator's errors are not in it;
 //!   their means over parts of the scene (`means`) are measured at the same points. Both are reflected with the same S.
+//! - In a bright room a thousandth that too little is lost is a hundredth of the light, and no points see a thousandth in the noise
+//!   of theirs. Where rays make the operator, half of what the halves of them differ by is a function like its error, and so is the
+//!   same with other signs on the cells, whose rays are their own. Both are reflected; what they cause is a third part, q, of
+//!   which nothing is known but its size (`doubt`).
 //!
-//! The estimate is the root of ‖r‖² + 2⟨r, p⟩ + ‖p‖². What is reported is *estimated*: points prove nothing. What is certified is
+//! The estimate is the root of ‖r‖² + 2⟨r, p⟩ + ‖p‖² + ‖q‖². What is reported is *estimated*: points prove nothing. What is certified is
 //! another module's (`certificate`, which is above this one).
 //!
 //! Tried and dropped: p from means over parts alone. Beside an edge r has one sign on both faces, which reflect it to each
@@ -68,7 +72,8 @@ pub struct ErrorEstimate {
     /// Emitted over leaving power, 1 − ρ for the scene as a whole.
     pub absorption: f64,
     /// Computation: what errors of the operator (quadrature and visibility) change of the reflected light, as known when it
-    /// was built and in the norm of the others. The residual has it in it. Of a dense operator it is one to fourteen
+    /// was built and in the norm of the others, with what that causes by reflection where rays make the operator. The residual
+    /// has the first in it. Of a dense operator it is one to fourteen
     /// times what is true: most in empty rooms, where joining averages what quadrature errs by.
     pub operator: f64,
     /// Relative residual that the solver left.
@@ -123,7 +128,9 @@ pub fn estimate_error(
         if leaving > 0.0 { -emitted / leaving } else { -1.0 }
     };
     let whole = measure.norms_within(&solution.radiosity);
-    let spread = measure.norms_within(&system.operator_spread(solution));
+    let spread = system.operator_spread(solution);
+    let doubt = measure.doubt(&spread, progress)?;
+    let spread = measure.norms_within(&spread);
     let bends = measure.bends();
     // Where nothing is reflected there is nothing to be wrong but the last digits of the emission.
     let relative = |value: f64, band: usize| {
@@ -134,7 +141,7 @@ pub fn estimate_error(
     let caused = |band: usize| relative(root(propagated[band][0]), band);
     let total = |band: usize| {
         let [square, product] = propagated[band];
-        relative(root(residuals[band][0].powi(2) + 2.0 * product + square), band)
+        relative(root(residuals[band][0].powi(2) + 2.0 * product + square + doubt[band]), band)
     };
     let error = ErrorEstimate {
         relative: worst(&total),
@@ -144,7 +151,7 @@ pub fn estimate_error(
         discretisation: worst(&|band| root(residual(band).powi(2) - data(band).powi(2))),
         bends: worst(&|band| relative(bends[band], band)),
         absorption: -(0..solution.bands()).map(absorption).fold(-1.0, greater),
-        operator: worst(&|band| relative(spread[band], band)),
+        operator: worst(&|band| relative(spread[band].hypot(doubt[band].sqrt()), band)),
         solver: info.residual,
     };
     Ok(Estimated { error, seen, indicated: measure.indicated })
@@ -385,6 +392,27 @@ impl<'a> Measure<'a> {
         };
         let cells = samples.chunk_by(|a, b| a.cell == b.cell);
         cells.map(|s| (s[0].cell, s.iter().map(square).sum::<f64>() / s.len() as f64)).collect()
+    }
+
+    /// ‖q‖² within, per band: what the error of a sampled operator causes by reflection. The sum of two that are both as large as it
+    /// on the average, since one of them may be small by chance.
+    fn doubt(&self, spread: &MultiVector, progress: &dyn Progress) -> Result<Vec<f64>, SolveError> {
+        let mut squares = vec![0.0; spread.bands()];
+        if self.system.exchange.is_symmetric() {
+            return Ok(squares);
+        }
+        let (space, mut flipped) = (&self.solution.space, spread.clone());
+        for band in 0..spread.bands() {
+            let signs = (0..space.cells()).filter(|&cell| hash(self.sampling.seed, cell as u64).is_multiple_of(2));
+            for k in signs.flat_map(|cell| space.range(cell)) {
+                flipped.band_mut(band)[k] *= -1.0;
+            }
+        }
+        for error in [spread, &flipped] {
+            let caused = self.system.reflections(error, progress)?;
+            squares.iter_mut().zip(self.products_within(&caused, &caused)).for_each(|(sum, square)| *sum += square);
+        }
+        Ok(squares)
     }
 
     /// ‖p‖² and ⟨r, p⟩ within, per band.

@@ -1,5 +1,6 @@
 mod relight;
 
+use super::denoise::denoised;
 use super::lossless::lossless;
 use super::operators::{Arriving, Equation, InverseMass, Join, Mass, Reflection, RoughInverse, Symmetric, Transport};
 use super::products::Products;
@@ -60,7 +61,7 @@ fn operator(
     let exchange = (kind.build)(geometry, params, progress)?;
     let escape = match exchange.escape() {
         // Its own rays: nothing is to be learnt from them that it does not know.
-        Some(fraction) => Escape { fraction, scatter: f64::INFINITY },
+        Some(fraction) => Escape { fraction, scatter: f64::INFINITY, open: Vec::new() },
         None => exchange::escape(geometry, params.seed, progress)?,
     };
     Ok((Balanced::new(exchange, geometry, [mass, mass_inverse], &escape), reason))
@@ -437,11 +438,21 @@ impl System {
                 let mut rest = if collected { arrived } else { self.join.collect(Cow::Owned(arrived)).into_owned() };
                 rest.add_scaled(-1.0, &self.join.collect(Cow::Borrowed(&steady)));
                 let mut irradiance = self.averaged(&rest);
-                irradiance.add_scaled(1.0, &self.mass_inverse.times(&steady));
+                irradiance.add_scaled(1.0, &self.without_noise(&steady, &radiosity));
                 irradiance
             }
         };
         Solution { scene: self.scene.clone(), space: self.space.clone(), radiosity, irradiance }
+    }
+
+    /// The irradiance with these steady integrals, averaged all the same where that changes no more than noise may.
+    fn without_noise(&self, steady: &MultiVector, radiosity: &MultiVector) -> MultiVector {
+        let broken = self.mass_inverse.times(steady);
+        let noise = self.exchange.steady_noise(radiosity);
+        let Some(noise) = noise.filter(|noise| noise.norms().iter().any(|&n| n > 0.0)) else { return broken };
+        let noise = self.mass_inverse.times(&noise);
+        let averaged = self.averaged(&self.join.collect(Cow::Borrowed(steady)));
+        denoised(&self.scene.mesh, &self.space, &self.mass, [broken, averaged], &noise)
     }
 
     /// The irradiance with these integrals against the broken functions. It is the projection Δ⁻¹ S b onto the *broken*

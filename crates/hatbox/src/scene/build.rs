@@ -7,7 +7,7 @@
 
 use super::{Camera, Material, Physics, Quantity, Scene, Surface};
 use crate::element::{Basis, Shape};
-use crate::mesh::{Bisected, Builder, Cell, Corner, Line, Mesh, RefineError, Refinement};
+use crate::mesh::{Bisected, Builder, Cell, Corner, Layers, Line, Lit, Mesh, RefineError, Refinement};
 use glam::DVec3;
 use std::fmt;
 use std::sync::Arc;
@@ -102,6 +102,8 @@ pub enum Warning {
     TJunctions(usize),
     /// So many faces had others standing on them or passing through them.
     Contacts(usize),
+    /// So many faces had others lying on them that look the same way.
+    Layers(usize),
 }
 
 impl fmt::Display for Warning {
@@ -114,6 +116,8 @@ impl fmt::Display for Warning {
             Self::TJunctions(1) => f.write_str("split an edge at vertices of other faces that lie on it"),
             Self::TJunctions(n) => write!(f, "split {n} edges at vertices of other faces that lie on them"),
             Self::Contacts(1) => f.write_str("split a face along the lines in which others touch or cross it"),
+            Self::Layers(1) => f.write_str("left out what of a face lies under others that look the same way"),
+            Self::Layers(n) => write!(f, "left out what of {n} faces lies under others that look the same way"),
             Self::Contacts(n) => write!(f, "split {n} faces along the lines in which others touch or cross them"),
         }
     }
@@ -149,9 +153,10 @@ impl Scene {
             mesh.cells[index].surface = index as u32;
             surfaces.push(Surface { corners: mesh.corners(index).map(|corner| corner.position) });
         }
+        let layers = Layers::of(&mesh, tolerance, |material| lit(&materials[material as usize]));
         let (mesh, joints) = mesh.conformed(tolerance);
-        let (mesh, contacts) = mesh.split_at_contacts(tolerance);
-        let mesh = with_sides(&mesh, &materials);
+        let (mesh, contacts) = mesh.split_at_contacts_and(&layers, tolerance);
+        let Sided { mesh, surfaces, hidden } = with_sides(&mesh, &materials, &surfaces, &layers);
         if mesh.cells.is_empty() {
             return Err(SceneError::OnlyBlocking(faces));
         }
@@ -160,9 +165,11 @@ impl Scene {
             (split, Warning::SplitQuads(split)),
             (joints, Warning::TJunctions(joints)),
             (contacts, Warning::Contacts(contacts)),
+            (layers.faces(), Warning::Layers(layers.faces())),
         ];
         let warnings = warnings.into_iter().filter(|&(n, _)| n > 0).map(|(_, warning)| warning).collect();
-        Ok(Self { mesh: Arc::new(mesh), materials, surfaces: surfaces.into(), bands, physics, camera, warnings })
+        let (mesh, surfaces, hidden) = (Arc::new(mesh), surfaces.into(), hidden.into());
+        Ok(Self { mesh, materials, surfaces, hidden, bands, physics, camera, warnings })
     }
 
     /// The scene subdivided for a basis: quads are split first if the basis has no element on them. What blocks light
@@ -370,28 +377,63 @@ fn diagonal(corners: &[Corner; 4], tolerance: f64) -> Option<usize> {
     Some(usize::from(heights[0].min(heights[2]) > heights[1].min(heights[3])))
 }
 
+/// Which sides of a material send and receive light.
+fn lit(material: &Material) -> Lit {
+    match (material.blocks_only, material.two_sided) {
+        (true, _) => Lit::Neither,
+        (false, false) => Lit::Front,
+        (false, true) => Lit::Both,
+    }
+}
+
+/// Cells with their sides, the faces that they are parts of, and what was left out.
+struct Sided {
+    mesh: Mesh,
+    surfaces: Vec<Surface>,
+    hidden: Vec<Surface>,
+}
+
 /// Puts the back of each two-sided surface after its front: the corners run the other way round, from the same first.
-/// Leaves out the cells of surfaces that only block light.
-fn with_sides(mesh: &Mesh, materials: &[Material]) -> Mesh {
+/// Leaves out the cells of surfaces that only block light, and sides that lie under others; surfaces of which some do are taken
+/// to pieces, each a surface of its own if it has a side that is left.
+fn with_sides(mesh: &Mesh, materials: &[Material], surfaces: &[Surface], layers: &Layers) -> Sided {
     let mut builder = Builder::like(mesh);
+    let (mut kept, mut hidden) = (Vec::with_capacity(surfaces.len()), Vec::new());
     let indices: Vec<usize> = (0..mesh.cells.len()).collect();
-    for surface in indices.chunk_by(|&a, &b| mesh.cells[a].surface == mesh.cells[b].surface) {
-        let material = &materials[mesh.cells[surface[0]].material as usize];
-        if material.blocks_only {
-            continue;
-        }
-        let back = material.two_sided;
-        for &index in surface {
-            let cell = &mesh.cells[index];
-            builder.push(cell, &mesh.corners(index)[..cell.shape.corners()]);
-        }
-        for &index in surface.iter().filter(|_| back) {
-            let cell = &mesh.cells[index];
-            let mut corners = mesh.corners(index).map(|c| Corner { normal: -c.normal, ..c });
-            let corners = &mut corners[..cell.shape.corners()];
-            corners[1..].reverse();
-            builder.push(cell, corners);
+    for cells in indices.chunk_by(|&a, &b| mesh.cells[a].surface == mesh.cells[b].surface) {
+        let Cell { surface, material, .. } = mesh.cells[cells[0]];
+        let lit = lit(&materials[material as usize]);
+        if layers.are_on(surface) {
+            for cell in cells {
+                let patch = mesh.patch(*cell);
+                let is_seen = |normal: DVec3| !layers.cover(surface, patch.center(), normal);
+                let sides = [is_seen(patch.normal()), lit == Lit::Both && is_seen(-patch.normal())];
+                let piece = Surface { corners: mesh.corners(*cell).map(|corner| corner.position) };
+                if sides.contains(&true) {
+                    push_sides(&mut builder, mesh, std::slice::from_ref(cell), kept.len(), sides);
+                    kept.push(piece);
+                } else {
+                    hidden.push(piece);
+                }
+            }
+        } else {
+            push_sides(&mut builder, mesh, cells, kept.len(), [lit != Lit::Neither, lit == Lit::Both]);
+            kept.push(surfaces[surface as usize]);
         }
     }
-    builder.finish()
+    Sided { mesh: builder.finish(), surfaces: kept, hidden }
+}
+
+/// Adds the front and the back of cells as those of a surface.
+fn push_sides(builder: &mut Builder, mesh: &Mesh, cells: &[usize], surface: usize, [front, back]: [bool; 2]) {
+    let of = |index: usize| (Cell { surface: surface as u32, ..mesh.cells[index] }, mesh.corners(index));
+    for (cell, corners) in cells.iter().filter(|_| front).map(|&index| of(index)) {
+        builder.push(&cell, &corners[..cell.shape.corners()]);
+    }
+    for (cell, corners) in cells.iter().filter(|_| back).map(|&index| of(index)) {
+        let mut corners = corners.map(|c| Corner { normal: -c.normal, ..c });
+        let corners = &mut corners[..cell.shape.corners()];
+        corners[1..].reverse();
+        builder.push(&cell, corners);
+    }
 }

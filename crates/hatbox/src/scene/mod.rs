@@ -79,6 +79,8 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// The opaque faces of the input.
     pub surfaces: Arc<[Surface]>,
+    /// Pieces of faces that were left out because others that look the same way lie on them.
+    pub hidden: Arc<[Surface]>,
     /// Number of bands that every material broadcasts to.
     pub bands: usize,
     /// What the numbers measure.

@@ -254,4 +254,20 @@ impl Exchange for Dense {
     fn row_errors(&self) -> Option<&[f64]> {
         Some(&self.row_errors)
     }
+
+    fn join_exchanging(&self, join: &mut dyn FnMut(usize, usize)) -> bool {
+        let mut cells = vec![0; self.place.len()];
+        self.place.iter().enumerate().for_each(|(cell, &place)| cells[place as usize] = cell);
+        for (place, &cell) in cells.iter().enumerate() {
+            let (row, first) = (self.table.row(place), self.offsets[place]);
+            let width = self.rows() - first;
+            for (other, range) in cells.iter().zip(self.offsets.windows(2)).skip(place + 1) {
+                let columns = range[0] - first..range[1] - first;
+                if row.chunks_exact(width).any(|row| row[columns.clone()].iter().any(|&s| s != 0.0)) {
+                    join(cell, *other);
+                }
+            }
+        }
+        true
+    }
 }

@@ -397,14 +397,15 @@ impl Exchange for Sampled {
 
     fn steady(&self, x: &MultiVector) -> Option<MultiVector> {
         // Light through links is not steady: neighbours have other links, and their rays bring what these leave.
-        Some(self.lamps_alone(x))
+        Some(self.lamps_alone(x, Take::All))
+    }
+
+    fn steady_noise(&self, x: &MultiVector) -> Option<MultiVector> {
+        Some(half_difference([Take::FirstHalf, Take::SecondHalf].map(|take| self.lamps_alone(x, take))))
     }
 
     fn spread(&self, x: &MultiVector) -> Option<MultiVector> {
-        let [mut first, second] = self.halves(x);
-        first.add_scaled(-1.0, &second);
-        first.scale(0.5);
-        Some(first)
+        Some(half_difference(self.halves(x)))
     }
 
     fn apply_joined(&self, c: &Csr, transpose: &Csr, x: &MultiVector, y: &mut MultiVector) {
@@ -443,4 +444,10 @@ impl Exchange for Sampled {
         let bands = sum.iter().zip(free.iter().zip(&rest));
         Some(bands.map(|(sum, (free, rest))| sum + share * free + rest / f64::from(POINT_RAYS)).collect())
     }
+}
+
+fn half_difference([mut first, second]: [MultiVector; 2]) -> MultiVector {
+    first.add_scaled(-1.0, &second);
+    first.scale(0.5);
+    first
 }

@@ -151,14 +151,15 @@ impl Sampled {
         });
     }
 
-    /// The part of S x that comes from the means of lamps.
-    pub(super) fn lamps_alone(&self, x: &MultiVector) -> MultiVector {
+    /// The part of S x that comes from the means of lamps, as those of the points have it that `take` takes.
+    pub(super) fn lamps_alone(&self, x: &MultiVector, take: Take) -> MultiVector {
         let lanes = lanes_for(x.bands());
         let means = self.lamps.means(&self.cells, [x.bands(), lanes], |dof, band| x.band(band)[dof]);
         let mut y = MultiVector::zeros(self.rows(), x.bands());
         let row = |cell: usize, index: usize, work: &mut Work| {
             work.fit.fill(0.0);
-            self.combine::<0, 0>(cell, self.lamps_of(cell, index), &means, false, work);
+            let values = self.direct[cell / CHUNK].values_of(index, take);
+            self.combine::<0, 0>(cell, self.lamps_of(cell, index).with(&values), &means, false, work);
             self.integrate::<0, 0>(cell, lanes, work);
         };
         self.by_rows(row, &mut y, |column, rows, result| column[rows].copy_from_slice(result));

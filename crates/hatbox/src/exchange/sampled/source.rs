@@ -126,9 +126,9 @@ impl<T: Number> Coefficients<T> {
     }
 }
 
-impl<'a, T: Number> Source<'a, T> {
+#[cfg(test)]
+impl<'a, T> Source<'a, T> {
     /// Coefficients that are known one by one.
-    #[cfg(test)]
     pub(super) fn of_known(values: &'a [T], lanes: usize, stride: usize) -> Self {
         Self { layout: Layout { group: stride / lanes, lanes, stride }, values, means: &[] }
     }

@@ -184,11 +184,21 @@ impl Archive {
             other => return invalid("physics", format!("`{other}` is neither `light` nor `heat`")),
         };
         let materials = self.materials(bands)?;
-        let corners = vectors(&self.finite("surfaces", &[ANY, 4, 3])?);
-        let surfaces: Arc<[Surface]> = corners.as_chunks().0.iter().map(|&corners| Surface { corners }).collect();
+        let surfaces = self.surfaces("surfaces")?;
+        let hidden = match self.surfaces("hidden") {
+            // Files of earlier versions have none.
+            Err(Problem::Missing(_)) => Arc::default(),
+            found => found?,
+        };
         let mesh = self.mesh(materials.len(), surfaces.len())?;
         let camera = self.camera()?;
-        Ok(Scene { mesh: mesh.into(), materials, surfaces, bands, physics, camera, warnings: Vec::new() })
+        let mesh = mesh.into();
+        Ok(Scene { mesh, materials, surfaces, hidden, bands, physics, camera, warnings: Vec::new() })
+    }
+
+    fn surfaces(&mut self, key: &str) -> Result<Arc<[Surface]>> {
+        let corners = vectors(&self.finite(key, &[ANY, 4, 3])?);
+        Ok(corners.as_chunks().0.iter().map(|&corners| Surface { corners }).collect())
     }
 
     fn camera(&mut self) -> Result<Option<Camera>> {

@@ -58,8 +58,10 @@ fn scene<W: Write + Seek>(archive: &mut Archive<W>, scene: &Scene) -> io::Result
     };
     archive.text("physics", physics)?;
     mesh(archive, &scene.mesh)?;
-    let corners = scene.surfaces.iter().flat_map(|surface| surface.corners).flat_map(|p| p.to_array());
-    archive.array("surfaces", &[scene.surfaces.len(), 4, 3], corners)?;
+    for (name, surfaces) in [("surfaces", &scene.surfaces), ("hidden", &scene.hidden)] {
+        let corners = surfaces.iter().flat_map(|surface| surface.corners).flat_map(|p| p.to_array());
+        archive.array(name, &[surfaces.len(), 4, 3], corners)?;
+    }
     let camera = scene.camera.map(|c| [c.eye.to_array(), c.target.to_array(), c.up.to_array()].concat());
     let fov = scene.camera.map(|c| c.fov_y);
     let camera: Vec<f64> = camera.into_iter().flatten().chain(fov).collect();
