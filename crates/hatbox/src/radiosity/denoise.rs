@@ -76,7 +76,7 @@ mod tests {
         let (broken, joined) = (of([1.02, 0.99, 1.0, 0.0]), of([1.0, 1.0, 1.0, 0.5]));
         let found =
             denoised(&scene.mesh, &space, &mass(&scene, &space), [broken, joined], &of([0.02, 0.02, 0.0, 0.05]));
-        let kept = (1.02 + 0.99) / 2.0;
+        let kept = f64::midpoint(1.02, 0.99);
         for (found, expected) in found.band(0).iter().zip([kept, kept, 1.0, 0.0]) {
             assert!((found - expected).abs() < 1e-12, "{found} {expected}");
         }
