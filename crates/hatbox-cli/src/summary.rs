@@ -191,11 +191,12 @@ fn error(lines: &mut Lines, report: &Report) {
         ),
     );
     lines.more(&format!(
-        "from data {}, discretisation {}, computation {} (solver {:.0e})",
+        "from data {}, discretisation {}, computation {} (solver {:.0e}), {}",
         percent(error.data),
         percent(error.discretisation),
         percent(error.operator),
-        error.solver
+        error.solver,
+        seconds(error.seconds)
     ));
     let Some(adaptivity) = &report.adaptivity else { return };
     let asked = percent(adaptivity.tolerance);

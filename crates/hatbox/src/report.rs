@@ -231,6 +231,8 @@ pub struct ErrorReport {
     pub operator: f64,
     /// The solver's part.
     pub solver: f64,
+    /// Time it took to estimate.
+    pub seconds: f64,
 }
 
 impl Report {
@@ -300,6 +302,7 @@ impl Report {
                 absorption: e.absorption,
                 operator: e.operator,
                 solver: e.solver,
+                seconds: solved.error_time.as_secs_f64(),
             }),
             adaptivity: None,
         }

@@ -39,12 +39,15 @@ use crate::space::{COPLANAR_ANGLE, CREASE_ANGLE, joints};
 use rayon::prelude::*;
 
 /// Points are added until so many standard errors as are added are less than this share of the mean of r², or the error is
-/// surely more than is wanted, or there are so many times those that were asked for. The share is twice that of the norm.
+/// surely more than is wanted or less than a part of that, or there are so many times those that were asked for. The share is twice that of the norm.
 /// Where r is even, the first points do; where it sits at the edge of a shadow they may err by half. (That points which
 /// happen to miss an edge ask for no others is a bias; the third of them that follows the indicators is there to see
 /// edges.)
 const PRECISE: f64 = 0.3;
 const MOST_TIMES: usize = 16;
+/// An error that is less than this part of what is wanted, with its standard errors, is small enough for certain: the other half is
+/// for what no point has seen.
+const ENOUGH: f64 = 0.5;
 /// Standard errors that are added to the mean of r²: few points fall where r is greatest, at edges and in corners.
 const DEVIATIONS: f64 = 3.0;
 /// A residual that is smaller than B̃ by this factor is none.
@@ -97,8 +100,8 @@ pub struct Sampling<'a> {
     /// Number of points to begin with: there are up to sixteen times as many where r² scatters, until three standard errors
     /// are less than 0.3 of its mean.
     pub points: usize,
-    /// The relative error that is wanted: where it is surely more, nothing is to be gained from more points. 0 if any
-    /// answer is.
+    /// The relative error that is wanted: where it is surely more or far less, nothing is to be gained from more points. 0 if
+    /// any answer is.
     pub wanted: f64,
     /// Seed of the points and rays.
     pub seed: u64,
@@ -370,7 +373,12 @@ impl<'a> Measure<'a> {
         let too_much = |([mean, deviation], norm): ([f64; 2], f64)| {
             self.sampling.wanted > 0.0 && mean - DEVIATIONS * deviation > (self.sampling.wanted * norm).powi(2)
         };
-        !bands().any(too_much) && bands().any(|([mean, deviation], _)| DEVIATIONS * deviation > PRECISE * mean)
+        let is_little = |([mean, deviation], norm): ([f64; 2], f64)| {
+            mean + DEVIATIONS * deviation < (ENOUGH * self.sampling.wanted * norm).powi(2)
+        };
+        !bands().any(too_much)
+            && !bands().all(is_little)
+            && bands().any(|([mean, deviation], _)| DEVIATIONS * deviation > PRECISE * mean)
     }
 
     /// ‖r‖ with three standard errors, and the data's part, per band.

@@ -157,6 +157,8 @@ pub struct Solved {
     pub energy: Energy,
     /// The estimated error; `None` if it was not asked for.
     pub error: Option<ErrorEstimate>,
+    /// Time it took to estimate it.
+    pub error_time: Duration,
 }
 
 /// Subdivides, builds the operator, solves, and estimates the error.
@@ -204,7 +206,7 @@ impl System {
     }
 
     /// The same. The error is estimated on the cells that `within` chooses, all if it chooses none, and no longer than it takes to
-    /// know that it is more than is `wanted`; with it comes what it is made of.
+    /// know that it is more than is `wanted`, or far less; with it comes what it is made of.
     ///
     /// # Errors
     /// [`Error::Solve`].
@@ -221,9 +223,11 @@ impl System {
         let solver_time = started.elapsed();
         let within = within(self, &solution)?;
         let sampling = Sampling { points: options.error_points, wanted, seed: options.seed, within: within.as_deref() };
+        let asked = Instant::now();
         let estimated = (options.error_points > 0)
             .then(|| estimate_error(self, &solution, &info, &sampling, progress))
             .transpose()?;
+        let error_time = asked.elapsed();
         let solved = Solved {
             energy: self.energy(&solution),
             unknowns: self.space.dofs(),
@@ -237,6 +241,7 @@ impl System {
             info,
             solver_time,
             error: estimated.as_ref().map(|estimated| estimated.error),
+            error_time,
             solution,
         };
         Ok((solved, estimated))
