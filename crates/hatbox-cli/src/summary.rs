@@ -146,7 +146,7 @@ fn operator(lines: &mut Lines, report: &Report) {
         lines.more(&format!("chosen because {reason}"));
     }
     let closure = &report.closure;
-    if closure.escape == 0.0 || closure.balanced {
+    if closure.enclosed > 0.0 {
         let off = format!("off by up to {}", percent(closure.deficit));
         let sums = match (closure.deficit > EXACT, closure.balanced) {
             (false, _) => "exact".to_owned(),

@@ -240,9 +240,11 @@ impl Report {
     pub fn warnings(&self) -> Vec<String> {
         let emits = self.energy.emitted.iter().sum::<f64>() > 0.0;
         let is_dark = self.energy.mean_irradiance.iter().all(|&mean| mean == 0.0);
+        // A lamp that stands alone lights nothing.
+        let is_alone = self.parts.iter().all(|part| part.leaving.iter().sum::<f64>() > 0.0);
         let warning =
             "nothing of what is emitted arrives at any surface; lit sides may look outwards, `hatbox check` tells";
-        (emits && is_dark).then(|| warning.to_owned()).into_iter().collect()
+        (emits && is_dark && !is_alone).then(|| warning.to_owned()).into_iter().collect()
     }
 
     /// From what was given and what came out of refinement to a tolerance.

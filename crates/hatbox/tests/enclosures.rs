@@ -560,3 +560,23 @@ fn a_room_is_balanced_though_light_escapes_elsewhere() {
         }
     }
 }
+
+/// Programs export walls as two faces, one each way. Before, such a room was taken for the inside of bodies that touch, and black.
+#[test]
+fn a_room_of_walls_of_two_faces_is_lit() {
+    let mut mesh = meshes::room(glam::DVec3::ONE, |_| false);
+    meshes::bodies::body(&mut mesh, &meshes::CUBE, |p| p);
+    let scene = glowing(mesh);
+    for kind in hatbox::exchange::ALL {
+        let options = Options { operator: kind, ..options(&ALL[1], 300, 0.02) };
+        let solution = solve(&scene, &options, &Silent).expect("solved").solution;
+        let middle = glam::DVec3::splat(0.5);
+        for cell in 0..solution.space.cells() {
+            let patch = solution.scene.mesh.patch(cell);
+            let expected = if patch.normal().dot(middle - patch.center()) > 0.0 { 2.0 } else { 1.0 };
+            for b in &solution.radiosity.band(0)[solution.space.range(cell)] {
+                assert!((b - expected).abs() < 1e-5, "{}, cell {cell}: {b}", kind.name);
+            }
+        }
+    }
+}

@@ -111,12 +111,17 @@ fn a_focus_on_nothing_is_refused_before_the_work() {
 #[test]
 fn a_lamp_whose_light_arrives_nowhere_is_warned_of() {
     let folder = Folder::new();
-    folder.file("square.mtl", "newmtl lamp\nKd 0.5 0.5 0.5\nKe 1 1 1\n");
-    let scene = folder.file("square.obj", format!("mtllib square.mtl\n{SQUARE}usemtl lamp\nf 1 2 3 4\n"));
-    let output = hatbox().arg("solve").arg(&scene).args(["--json"]).output().expect("the binary runs");
-    assert!(output.status.success() && text(&output.stderr).contains("arrives at any surface"));
-    let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
-    assert!(report["warnings"][0].as_str().expect("a warning").contains("`hatbox check`"));
+    folder.file("square.mtl", "newmtl lamp\nKd 0.5 0.5 0.5\nKe 1 1 1\nnewmtl wall\nKd 0.5 0.5 0.5\n");
+    let lamp = format!("mtllib square.mtl\n{SQUARE}usemtl lamp\nf 1 2 3 4\n");
+    // A wall above it, whose front is the upper or the lower side.
+    let wall = |order: &str| format!("{lamp}v 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nusemtl wall\nf {order}\n");
+    for (scene, warned) in [(lamp.clone(), false), (wall("5 6 7 8"), true), (wall("8 7 6 5"), false)] {
+        let scene = folder.file("square.obj", scene);
+        let output = hatbox().arg("solve").arg(&scene).args(["--json"]).output().expect("the binary runs");
+        assert_eq!(text(&output.stderr).contains("arrives at any surface"), warned);
+        let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        assert_eq!(report["warnings"].to_string().contains("`hatbox check`"), warned, "{}", report["warnings"]);
+    }
 }
 
 #[test]

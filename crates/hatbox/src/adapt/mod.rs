@@ -92,8 +92,9 @@ impl Options {
             cells.map(|(cell, _)| reflects(scene, cell)).collect()
         };
         let mut of_cells = found(scene);
-        // A box may hold no middle of a face, and yet middles of smaller cells. (What cannot be refined is told elsewhere.)
-        if of_cells.is_empty() && matches!(focus, Focus::Box(..)) {
+        // A box may hold no middle of a face, or of a black one only, and yet middles of smaller cells. (What cannot be refined is
+        // told elsewhere.)
+        if !of_cells.contains(&true) && matches!(focus, Focus::Box(..)) {
             let fine = scene.refined(Refinement::Elements(self.most_coefficients), self.solve.basis);
             of_cells = fine.map_or(vec![true], |fine| found(&fine));
         }

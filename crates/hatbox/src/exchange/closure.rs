@@ -10,7 +10,8 @@
 //! streets of a city were not balanced in eight of them: between walls that face each other Δ + S is nearly singular, and
 //! what is left of the deficit is then not small.
 //!
-//! An open scene has no row sums to go by, but for cells that are closed in all the same (`enclosed`); but its rays have measured what escapes of all. Where S loses more or less than
+//! Cells of an open scene that are closed in all the same (`enclosed`) are scaled like those of a closed one. The others have no
+//! row sums to go by, but rays have measured what escapes of all. Where S loses more or less than
 //! the scatter of the rays allows, it is multiplied by a number: behind a small hole in a bright room, an error of 1e-3
 //! of the row sums would be more than what the hole lets out.
 

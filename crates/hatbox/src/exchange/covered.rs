@@ -6,14 +6,15 @@
 //! that is covered sees nothing, by decree, and a room is closed if nothing escapes from the other cells.
 //!
 //! Two faces that look opposite ways in one plane need not be two bodies that touch: they may be the two sides of a sheet, or of
-//! a wall between two rooms. Where bodies touch, one side of the plane is the inside of one of them, where rays meet nothing
-//! but unlit sides of faces. So a cell is covered if that is so in front of it, or if it is so behind it and rays from
+//! a wall between two rooms. Where bodies touch, one side of the plane is the inside of one of them, where rays meet
+//! unlit sides of faces, and lit ones only together with them, where others touch it. (Who meets both everywhere is in a room whose
+//! walls are two faces without thickness.) So a cell is covered if that is so in front of it, or if it is so behind it and rays from
 //! its front meet nothing that is lit: the bottom of a box, which looks out of the room.
 //!
 //! Where more faces look one way than the other in a plane, as under a sheet of two faces that lies on a floor, one of those is
 //! seen and none of the fewer, unless they do see something (a face may be there twice by mistake).
 //!
-//! Of faces that look the same way one is left (`mesh::layers`); the others still count.
+//! Of faces that look the same way one is left (`mesh::layers`); the others still count as layers.
 //!
 //! What touches is told to the tolerance with which the scene was welded, whatever the size of the cells.
 
@@ -71,6 +72,8 @@ enum Met {
     Nothing,
     Lit,
     Unlit,
+    /// Both together.
+    Both,
 }
 
 impl Contact<'_> {
@@ -85,14 +88,13 @@ impl Contact<'_> {
         // The other side of a sheet is a layer that looks the other way.
         let own = usize::from(self.receives[self.surface as usize] == [true, true]);
         let more = (1 + here.len()).cmp(&(others.len() + own));
-        if more.is_gt() {
-            return false;
-        }
-        let all_unlit = |met: &[Met]| met.iter().all(|&met| met == Met::Unlit);
+        // A room of walls without thickness, each of two faces, has both everywhere.
+        let all_unlit =
+            |met: &[Met]| met.contains(&Met::Unlit) && met.iter().all(|&met| matches!(met, Met::Unlit | Met::Both));
         let apart: BTreeSet<u32> = covers.iter().map(|(id, _)| *id).chain([self.surface]).collect();
         let before = self.look(cell, 1.0, &apart);
-        all_unlit(&before)
-            || (!before.contains(&Met::Lit) && (more.is_lt() || all_unlit(&self.look(cell, -1.0, &apart))))
+        let is_shut = || more.is_lt() || all_unlit(&self.look(cell, -1.0, &apart));
+        all_unlit(&before) || (!more.is_gt() && !before.contains(&Met::Lit) && is_shut())
     }
 
     /// The faces that a point lies on.
@@ -101,7 +103,7 @@ impl Contact<'_> {
     }
 
     /// What rays to the front (1) or to the back (−1) of the cell meet beside what is in its own plane. Where two bodies
-    /// touch, the inside of the one and the outside of the other are met together: that is the inside.
+    /// touch, the inside of the one and the outside of the other are met together from within the one.
     fn look(&self, cell: usize, side: f64, apart: &BTreeSet<u32>) -> Vec<Met> {
         let met = |k: u32| {
             let (from, towards) = cosine_ray(&self.patch, point(hash(0x636f_7665, cell as u64), k));
@@ -114,6 +116,7 @@ impl Contact<'_> {
                 (None, None) => Met::Nothing,
                 (Some(_), None) => Met::Lit,
                 (Some(lit), Some(unlit)) if (unlit.t - lit.t) * self.steepness(&unlit, towards) > self.flat => Met::Lit,
+                (Some(lit), Some(unlit)) if (lit.t - unlit.t) * self.steepness(&lit, towards) <= self.flat => Met::Both,
                 (_, Some(_)) => Met::Unlit,
             }
         };

@@ -2,7 +2,8 @@
 //!
 //! A room has walls, and walls have another side; a plate stands before the window of a house. That light gets away from there is
 //! no reason why a room should not know its row sums. Cells that exchange light, directly or through others, are an enclosure,
-//! and it is closed if no ray of any of them gets away: of as many rays as a closed scene is asked with.
+//! and it is closed if no ray of any of them gets away: of as many rays as a closed scene is asked with, or, where enclosures are many,
+//! of their share of sixteen times as many.
 //! (Where it is not known who exchanges light with whom, the scene is one enclosure.)
 
 use super::closure::{ALL_ESCAPE_RAYS, Escape, gets_away, receiving_sides};
@@ -11,7 +12,7 @@ use crate::mesh::UnionFind;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// So many enclosures may be asked with all rays; of more, the smaller ones are left as they are.
+/// Rays of all enclosures together, in those of one, at the most.
 const MOST: usize = 16;
 /// Seed of these rays.
 const SEED: u64 = 0x656e_636c;
@@ -30,12 +31,11 @@ pub(super) fn enclosed(exchange: &dyn Exchange, geometry: &Geometry<'_>, escape:
     (0..cells).for_each(|cell| members.entry(enclosures.find(cell)).or_default().push(cell));
     // Who exchanges light with nobody is in no enclosure.
     let may_be = |of: &Vec<usize>| of.len() > 1 && !of.iter().any(|&cell| escape.open[cell]);
-    let mut closed: Vec<Vec<usize>> = members.into_values().filter(may_be).collect();
-    let area = |of: &[usize]| of.iter().map(|&cell| geometry.scene.mesh.patch(cell).area()).sum::<f64>();
-    closed.sort_by(|a, b| area(b).total_cmp(&area(a)));
+    let closed: Vec<Vec<usize>> = members.into_values().filter(may_be).collect();
+    let most = (MOST * ALL_ESCAPE_RAYS).div_ceil(closed.iter().map(Vec::len).sum::<usize>().max(1));
     let receives = receiving_sides(geometry.scene);
-    for of in closed.into_iter().take(MOST) {
-        let rays = ALL_ESCAPE_RAYS.div_ceil(of.len()) as u32;
+    for of in closed {
+        let rays = ALL_ESCAPE_RAYS.div_ceil(of.len()).min(most) as u32;
         let none_gets_away = |&cell: &usize| !(0..rays).any(|k| gets_away(geometry, &receives, cell, SEED, k));
         if of.par_iter().all(none_gets_away) {
             for cell in of {

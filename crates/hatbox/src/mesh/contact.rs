@@ -10,7 +10,8 @@ use super::conform::{position_on, segment_meets};
 use super::corner::{Builder, Corner};
 use super::layers::Layers;
 use super::weld::distinct;
-use super::{Mesh, Patch};
+use super::{Cell, Mesh, Patch};
+use crate::element::Shape;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, PositionInTriangulation, Triangulation};
@@ -45,6 +46,15 @@ struct Cut {
     crossings: Vec<DVec3>,
 }
 
+/// A mesh whose cells are split.
+pub(crate) struct Split {
+    pub(crate) mesh: Mesh,
+    /// How many cells were.
+    pub(crate) split: usize,
+    /// The pieces that were left out, each with the cell that it was a piece of.
+    pub(crate) hidden: Vec<(Cell, [DVec3; 4])>,
+}
+
 /// The same with vertices for points.
 struct Net {
     cell: usize,
@@ -63,12 +73,13 @@ impl Mesh {
     /// the mesh itself.
     #[must_use]
     pub fn split_at_contacts(&self, tolerance: f64) -> (Self, usize) {
-        self.split_at_contacts_and(&Layers::default(), tolerance)
+        let Split { mesh, split, .. } = self.split_at_contacts_and(&Layers::default(), tolerance);
+        (mesh, split)
     }
 
-    /// The same, and along the outlines of what lies on a face.
-    pub(crate) fn split_at_contacts_and(&self, layers: &Layers, tolerance: f64) -> (Self, usize) {
-        self.split_at(&self.cuts(layers, tolerance), tolerance, Needles::Avoided)
+    /// The same, and along the outlines of what lies on a face; pieces of which nothing is seen are left out.
+    pub(crate) fn split_at_contacts_and(&self, layers: &Layers, tolerance: f64) -> Split {
+        self.split_at(&self.cuts(layers, tolerance), layers, tolerance, Needles::Avoided)
     }
 
     /// Splits cells along segments of their planes, each given with the index of its cell, as far as they lie in it, and
@@ -86,34 +97,42 @@ impl Mesh {
             Cut { cell, crossings: crossings(&Frame::of(&self.patch(cell)), &lines), lines }
         };
         let cuts: Vec<Cut> = inside.chunk_by(|a, b| a.0 == b.0).map(cut).collect();
-        self.split_at(&cuts, tolerance, Needles::Kept)
+        let Split { mesh, split, .. } = self.split_at(&cuts, &Layers::default(), tolerance, Needles::Kept);
+        (mesh, split)
     }
 
-    fn split_at(&self, cuts: &[Cut], tolerance: f64, needles: Needles) -> (Self, usize) {
-        if cuts.is_empty() {
-            return (self.clone(), 0);
+    fn split_at(&self, cuts: &[Cut], layers: &Layers, tolerance: f64, needles: Needles) -> Split {
+        let unchanged = || Split { mesh: self.clone(), split: 0, hidden: Vec::new() };
+        if cuts.is_empty() && layers.faces() == 0 {
+            return unchanged();
         }
         let (mesh, nets) = self.with_points_of(cuts, tolerance);
         let mut builder = Builder::like(&mesh);
         let mut nets = nets.iter().peekable();
-        let mut split = 0;
+        let (mut split, mut hidden) = (0, Vec::new());
         for (index, cell) in mesh.cells.iter().enumerate() {
             let net = nets.next_if(|net| net.cell == index);
-            if let Some(triangles) = net.and_then(|net| mesh.triangulated_along(net, tolerance, needles, &mut builder))
-            {
-                for triangle in triangles {
-                    builder.push(cell, &triangle);
+            let cut = net.and_then(|net| mesh.triangulated_along(net, tolerance, needles, &mut builder));
+            split += usize::from(cut.is_some());
+            let whole = mesh.corners(index);
+            let whole = std::iter::once(&whole[..cell.shape.corners()]).filter(|_| cut.is_none());
+            for corners in cut.iter().flatten().map(|triangle| &triangle[..]).chain(whole) {
+                let positions = [0, 1, 2, 3].map(|k| corners[k.min(corners.len() - 1)].position);
+                let shape = if corners.len() == 3 { Shape::Triangle } else { Shape::Quad };
+                // Before edges of others are cut at their corners.
+                let hides = || layers.hide(cell.surface, &Patch::new(shape, positions), tolerance);
+                if layers.are_on(cell.surface) && hides() {
+                    hidden.push((*cell, positions));
+                } else {
+                    builder.push(cell, corners);
                 }
-                split += 1;
-            } else {
-                builder.push(cell, &mesh.corners(index)[..cell.shape.corners()]);
             }
         }
-        if split == 0 {
-            return (self.clone(), 0);
+        if split == 0 && hidden.is_empty() {
+            return unchanged();
         }
         let (mesh, _) = builder.finish().without_unused_vertices().conformed(tolerance);
-        (mesh, split)
+        Split { mesh, split, hidden }
     }
 
     /// The cells that others touch, in order, each with its lines.

@@ -1,8 +1,8 @@
 //! Faces that lie on others and look the same way: a rug that is drawn into its floor, a poster, a face that is there twice.
 //!
 //! Both would send and receive light as if the other were not there, and together twice what there is. Of two layers one is
-//! seen, and nobody says which; what lies on what is told by sizes. What belongs to the smaller part lies on what belongs to
-//! the larger, within a part the smaller face on the larger, and of two alike the later on the earlier.
+//! seen, and nobody says which; what lies on what is told by sizes. All that one object has of one material in a plane lies on what
+//! is larger, of faces of these the smaller on the larger, and of two alike the later on the earlier.
 //!
 //! Faces that look opposite ways in one plane are another matter: a box on a floor, or two sides of a wall. Who sees what is
 //! found where light is exchanged.
@@ -14,7 +14,14 @@ use super::{Mesh, Patch};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::cmp::Reverse;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
+
+/// Planes are told apart by numbers: normals by thousandths, distances by so many tolerances. (Planes that are taken for two
+/// by rounding change no more than who of two lies on whom.)
+const NORMAL: f64 = 1e3;
+const DISTANCE: f64 = 1e3;
+/// No plane that is likely has such numbers that rounding would tell it apart from itself.
+const UNLIKELY: f64 = 0.372_1;
 
 /// Which sides of a face send and receive light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,8 +37,56 @@ pub(crate) enum Lit {
 /// What lies on the faces of a mesh.
 #[derive(Debug, Default)]
 pub(crate) struct Layers {
-    /// For each face on which others lie these, and whether both of their sides are lit.
-    on: HashMap<u32, Vec<(Patch, bool)>>,
+    on: HashMap<u32, Pile>,
+}
+
+/// What lies on a face.
+#[derive(Debug)]
+struct Pile {
+    /// Which sides of the face are lit.
+    below: Lit,
+    /// The faces that lie on it, and whether both of their sides are lit.
+    layers: Vec<(Patch, bool)>,
+    tree: BoxTree,
+    boxes: Vec<Bounds>,
+    /// Their edges, but for those between two of them.
+    outline: Vec<Line>,
+}
+
+impl Pile {
+    fn new(mesh: &Mesh, below: Lit, layers: Vec<(u32, Patch, bool)>) -> Self {
+        let vertices = |&(face, ..): &(u32, Patch, bool)| {
+            let of = mesh.cells[face as usize].corners().to_vec();
+            (0..of.len()).map(move |k| [of[k], of[(k + 1) % of.len()]])
+        };
+        let edges: HashSet<[u32; 2]> = layers.iter().flat_map(vertices).collect();
+        let mut outline: Vec<[u32; 2]> = edges.iter().copied().filter(|&[u, v]| !edges.contains(&[v, u])).collect();
+        outline.sort_unstable();
+        let boxes: Vec<Bounds> =
+            layers.iter().map(|(_, patch, _)| box_tree::bounds(patch.corners().iter().copied())).collect();
+        Self {
+            below,
+            tree: BoxTree::new(&boxes, (0..layers.len() as u32).collect()),
+            boxes,
+            layers: layers.into_iter().map(|(_, patch, both)| (patch, both)).collect(),
+            outline: outline.into_iter().map(|ends| ends.map(|v| mesh.vertices[v as usize])).collect(),
+        }
+    }
+
+    /// Whether something lies on the side to which `normal` points, at a point that is on no outline.
+    fn covers(&self, point: DVec3, normal: DVec3, tolerance: f64) -> bool {
+        let around = (point - tolerance, point + tolerance);
+        let mut found = false;
+        self.tree.visit(
+            |b| box_tree::overlap(b, &around),
+            |k| {
+                let (patch, both) = &self.layers[k as usize];
+                let looks_alike = *both || patch.normal().dot(normal) > 0.0;
+                found |= looks_alike && box_tree::overlap(&self.boxes[k as usize], &around) && holds(patch, point);
+            },
+        );
+        found
+    }
 }
 
 impl Layers {
@@ -40,7 +95,7 @@ impl Layers {
         let faces = mesh.cells.len();
         let patches: Vec<Patch> = (0..faces).into_par_iter().map(|cell| mesh.patch(cell)).collect();
         let lit: Vec<Lit> = mesh.cells.iter().map(|cell| lit(cell.material)).collect();
-        let ranks = ranks(mesh, &patches);
+        let ranks = ranks(mesh, &patches, tolerance);
         let boxes: Vec<Bounds> = patches.iter().map(|p| box_tree::bounds(p.corners().iter().copied())).collect();
         let tree = BoxTree::new(&boxes, (0..faces as u32).filter(|&f| lit[f as usize] != Lit::Neither).collect());
         let of = |&face: &u32| {
@@ -56,12 +111,11 @@ impl Layers {
                 };
                 let lies_on = ranks[above] > ranks[below] && near(&boxes[above]) && look_alike();
                 if lies_on && share_plane(&patches[below], &patches[above], tolerance) {
-                    found.push(above);
+                    found.push((other, patches[above], lit[above] == Lit::Both));
                 }
             });
-            found.sort_unstable();
-            let layers = found.into_iter().map(|above| (patches[above], lit[above] == Lit::Both));
-            Some((face, layers.collect::<Vec<_>>())).filter(|(_, layers)| !layers.is_empty())
+            found.sort_unstable_by_key(|&(other, ..)| other);
+            (!found.is_empty()).then(|| (face, Pile::new(mesh, lit[below], found)))
         };
         Self { on: tree.items().par_iter().filter_map(of).collect() }
     }
@@ -78,33 +132,45 @@ impl Layers {
 
     /// The outlines of what lies on a face, as far as they run through a cell of it.
     pub(super) fn outlines(&self, face: u32, cell: &Patch, tolerance: f64) -> Vec<Line> {
-        let edges = |(patch, _): &(Patch, bool)| {
-            let (corners, count) = (patch.corners().to_vec(), patch.corners().len());
-            (0..count).map(move |k| [corners[k], corners[(k + 1) % count]])
-        };
-        let layers = self.on.get(&face).into_iter().flatten();
-        layers.flat_map(edges).filter_map(|edge| clipped(cell, edge, tolerance)).collect()
+        let edges = self.on.get(&face).into_iter().flat_map(|pile| &pile.outline);
+        edges.filter_map(|&edge| clipped(cell, edge, tolerance)).collect()
     }
 
-    /// Whether something lies on the side of a face to which `normal` points, at a point that is on no outline.
-    pub(crate) fn cover(&self, face: u32, point: DVec3, normal: DVec3) -> bool {
-        let covers = |(patch, both): &(Patch, bool)| (*both || patch.normal().dot(normal) > 0.0) && holds(patch, point);
-        self.on.get(&face).is_some_and(|layers| layers.iter().any(covers))
+    /// Whether something lies on the side of a piece of a face to which `normal` points; the piece is on one side of all outlines.
+    pub(crate) fn cover(&self, face: u32, piece: &Patch, normal: DVec3, tolerance: f64) -> bool {
+        self.on.get(&face).is_some_and(|pile| pile.covers(piece.center(), normal, tolerance))
+    }
+
+    /// Whether nothing of a piece of a face is seen: something lies on each side that is lit.
+    pub(super) fn hide(&self, face: u32, piece: &Patch, tolerance: f64) -> bool {
+        let normal = piece.normal();
+        self.on.get(&face).is_some_and(|pile| {
+            let is_under = |normal: DVec3| pile.covers(piece.center(), normal, tolerance);
+            is_under(normal) && (pile.below != Lit::Both || is_under(-normal))
+        })
     }
 }
 
-/// Who lies on whom if they share a plane: the greater. By the areas of parts and of faces, and by the order in the file.
-fn ranks(mesh: &Mesh, patches: &[Patch]) -> Vec<(Reverse<u64>, Reverse<u64>, usize)> {
-    let mut parts = vec![0.0; mesh.groups.len()];
-    for (cell, patch) in mesh.cells.iter().zip(patches) {
-        parts[cell.group as usize] += patch.area();
+/// Who lies on whom if they share a plane: the greater.
+fn ranks(mesh: &Mesh, patches: &[Patch], tolerance: f64) -> Vec<(Reverse<u64>, Reverse<u64>, usize)> {
+    let part = |face: usize| (mesh.cells[face].group, mesh.cells[face].material, plane(&patches[face], tolerance));
+    let mut areas: HashMap<_, f64> = HashMap::new();
+    for (face, patch) in patches.iter().enumerate() {
+        *areas.entry(part(face)).or_default() += patch.area();
     }
     // The bits of positive numbers are in their order.
-    let of = |(face, patch): (usize, &Patch)| {
-        let part: f64 = parts[mesh.cells[face].group as usize];
-        (Reverse(part.to_bits()), Reverse(patch.area().to_bits()), face)
-    };
+    let of =
+        |(face, patch): (usize, &Patch)| (Reverse(areas[&part(face)].to_bits()), Reverse(patch.area().to_bits()), face);
     patches.iter().enumerate().map(of).collect()
+}
+
+/// Numbers that tell the plane of a face, whichever way it looks.
+fn plane(patch: &Patch, tolerance: f64) -> [i64; 4] {
+    let normal = patch.normal();
+    let way = normal.to_array().into_iter().find(|x| x.abs() > UNLIKELY / 2.0).unwrap_or(1.0).signum();
+    let distance = normal.dot(patch.corners()[0]) / (DISTANCE * tolerance.max(f64::MIN_POSITIVE));
+    let [x, y, z] = normal.to_array().map(|x| x * NORMAL);
+    [x, y, z, distance].map(|number| (way * number + UNLIKELY).floor() as i64)
 }
 
 /// Whether a point in the plane of a convex polygon lies in it.
@@ -135,6 +201,12 @@ mod tests {
         }
     }
 
+    /// A small triangle about (x, ½).
+    fn piece(x: f64) -> Patch {
+        let at = |dx: f64, dy: f64| DVec3::new(x + dx, 0.5 + dy, 0.0);
+        Patch::new(Shape::Triangle, [at(0.0, 0.0), at(0.03, 0.0), at(0.0, 0.03), at(0.0, 0.03)])
+    }
+
     #[test]
     fn the_smaller_part_lies_on_the_larger_if_sides_that_are_lit_share_a_plane() {
         for (up, lit, lies) in [
@@ -144,18 +216,40 @@ mod tests {
             (true, [Lit::Front, Lit::Neither], false),
         ] {
             let layers = Layers::of(&rug(up), 1e-9, |material| lit[material as usize]);
-            let [inside, outside] = [0.5, 0.1].map(|x| DVec3::new(x, 0.5, 0.0));
             assert_eq!(layers.are_on(0), lies, "{up} {lit:?}");
             assert!(!layers.are_on(1));
-            assert_eq!(layers.cover(0, inside, DVec3::Z), lies);
-            assert!(!layers.cover(0, outside, DVec3::Z));
+            assert_eq!(layers.cover(0, &piece(0.5), DVec3::Z, 1e-9), lies);
+            assert!(!layers.cover(0, &piece(0.1), DVec3::Z, 1e-9));
         }
     }
 
     #[test]
     fn a_poster_with_one_side_leaves_the_back_of_a_wall_alone() {
         let layers = Layers::of(&rug(true), 1e-9, |material| [Lit::Both, Lit::Front][material as usize]);
-        let inside = DVec3::new(0.5, 0.5, 0.0);
-        assert!(layers.cover(0, inside, DVec3::Z) && !layers.cover(0, inside, -DVec3::Z));
+        let covers = |normal| layers.cover(0, &piece(0.5), normal, 1e-9);
+        assert!(covers(DVec3::Z) && !covers(-DVec3::Z) && !layers.hide(0, &piece(0.5), 1e-9));
+    }
+
+    /// What counts is how much there is of a material in the plane, not how large its faces are.
+    #[test]
+    fn a_panel_lies_on_the_small_faces_of_its_own_object() {
+        let mut mesh = rug(true);
+        mesh.groups.truncate(1);
+        mesh.cells[1].group = 0;
+        mesh.cells.remove(0);
+        let floor = |i: u32, j: u32| {
+            let at = |i, j| DVec3::new(f64::from(i) / 8.0, f64::from(j) / 8.0, 0.0);
+            [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]
+        };
+        for corners in (0..64).map(|k| floor(k / 8, k % 8)) {
+            let first = mesh.vertices.len() as u32;
+            let vertices = [first, first + 1, first + 2, first + 3];
+            let surface = mesh.cells.len() as u32;
+            mesh.vertices.extend(corners);
+            mesh.cells.push(Cell { shape: Shape::Quad, vertices, material: 0, group: 0, surface });
+        }
+        let layers = Layers::of(&mesh, 1e-9, |_| Lit::Front);
+        assert_eq!(layers.faces(), 16, "those under the panel");
+        assert!(!layers.are_on(0));
     }
 }

@@ -22,6 +22,7 @@ mod weld;
 
 pub use bisect::Bisected;
 pub use contact::Line;
+pub(crate) use contact::Split;
 pub(crate) use corner::{Builder, Corner};
 pub use diagnose::{Example, Finding, FindingKind, Severity, diagnose, diagnose_room, diagnose_sheets};
 pub(crate) use layers::{Layers, Lit};

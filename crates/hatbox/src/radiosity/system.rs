@@ -1,6 +1,6 @@
 mod relight;
 
-use super::denoise::denoised;
+use super::denoise::remove_noise;
 use super::lossless::lossless;
 use super::operators::{Arriving, Equation, InverseMass, Join, Mass, Reflection, RoughInverse, Symmetric, Transport};
 use super::products::Products;
@@ -357,7 +357,7 @@ impl System {
             (b, arrived, info, products)
         };
         let solution = self.solution_of(self.join.spread(&b).into_owned(), arrived, self.collects());
-        Ok((solution, info, products))
+        Ok((self.without_noise(solution), info, products))
     }
 
     /// Bytes that products may take: half of what the operator does, if it has left as much.
@@ -438,21 +438,28 @@ impl System {
                 let mut rest = if collected { arrived } else { self.join.collect(Cow::Owned(arrived)).into_owned() };
                 rest.add_scaled(-1.0, &self.join.collect(Cow::Borrowed(&steady)));
                 let mut irradiance = self.averaged(&rest);
-                irradiance.add_scaled(1.0, &self.without_noise(&steady, &radiosity));
+                irradiance.add_scaled(1.0, &self.mass_inverse.times(&steady));
                 irradiance
             }
         };
         Solution { scene: self.scene.clone(), space: self.space.clone(), radiosity, irradiance }
     }
 
-    /// The irradiance with these steady integrals, averaged all the same where that changes no more than noise may.
-    fn without_noise(&self, steady: &MultiVector, radiosity: &MultiVector) -> MultiVector {
-        let broken = self.mass_inverse.times(steady);
-        let noise = self.exchange.steady_noise(radiosity);
-        let Some(noise) = noise.filter(|noise| noise.norms().iter().any(|&n| n > 0.0)) else { return broken };
+    /// A solution whose irradiance is averaged also where what is steady in it is noise.
+    fn without_noise(&self, mut solution: Solution) -> Solution {
+        if self.space.continuity().is_none() {
+            return solution;
+        }
+        let Some(noise) = self.exchange.steady_noise(&solution.radiosity) else { return solution };
+        let Some(steady) = self.exchange.steady(&solution.radiosity).filter(|_| noise.norms().iter().any(|&n| n > 0.0))
+        else {
+            return solution;
+        };
+        let mut change = self.averaged(&self.join.collect(Cow::Borrowed(&steady)));
+        change.add_scaled(-1.0, &self.mass_inverse.times(&steady));
         let noise = self.mass_inverse.times(&noise);
-        let averaged = self.averaged(&self.join.collect(Cow::Borrowed(steady)));
-        denoised(&self.scene.mesh, &self.space, &self.mass, [broken, averaged], &noise)
+        remove_noise(&self.scene.mesh, &self.space, &self.mass, [&change, &noise], &mut solution.irradiance);
+        solution
     }
 
     /// The irradiance with these integrals against the broken functions. It is the projection Δ⁻¹ S b onto the *broken*

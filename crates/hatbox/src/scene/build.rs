@@ -7,8 +7,9 @@
 
 use super::{Camera, Material, Physics, Quantity, Scene, Surface};
 use crate::element::{Basis, Shape};
-use crate::mesh::{Bisected, Builder, Cell, Corner, Layers, Line, Lit, Mesh, RefineError, Refinement};
+use crate::mesh::{Bisected, Builder, Cell, Corner, Layers, Line, Lit, Mesh, RefineError, Refinement, Split};
 use glam::DVec3;
+use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
 
@@ -104,6 +105,8 @@ pub enum Warning {
     Contacts(usize),
     /// So many faces had others lying on them that look the same way.
     Layers(usize),
+    /// Of what was left out of them, so many faces shine.
+    HiddenLamps(usize),
 }
 
 impl fmt::Display for Warning {
@@ -116,9 +119,11 @@ impl fmt::Display for Warning {
             Self::TJunctions(1) => f.write_str("split an edge at vertices of other faces that lie on it"),
             Self::TJunctions(n) => write!(f, "split {n} edges at vertices of other faces that lie on them"),
             Self::Contacts(1) => f.write_str("split a face along the lines in which others touch or cross it"),
+            Self::Contacts(n) => write!(f, "split {n} faces along the lines in which others touch or cross them"),
             Self::Layers(1) => f.write_str("left out what of a face lies under others that look the same way"),
             Self::Layers(n) => write!(f, "left out what of {n} faces lies under others that look the same way"),
-            Self::Contacts(n) => write!(f, "split {n} faces along the lines in which others touch or cross them"),
+            Self::HiddenLamps(1) => f.write_str("a face that shines lies under others; `hatbox check` says where"),
+            Self::HiddenLamps(n) => write!(f, "{n} faces that shine lie under others; `hatbox check` says where"),
         }
     }
 }
@@ -155,8 +160,11 @@ impl Scene {
         }
         let layers = Layers::of(&mesh, tolerance, |material| lit(&materials[material as usize]));
         let (mesh, joints) = mesh.conformed(tolerance);
-        let (mesh, contacts) = mesh.split_at_contacts_and(&layers, tolerance);
-        let Sided { mesh, surfaces, hidden } = with_sides(&mesh, &materials, &surfaces, &layers);
+        let Split { mesh, split: contacts, hidden } = mesh.split_at_contacts_and(&layers, tolerance);
+        let (mesh, surfaces) = with_sides(&mesh, &materials, &surfaces, &layers, tolerance);
+        let lamps = hidden.iter().filter(|(cell, _)| emits(&materials[cell.material as usize], bands));
+        let lamps = lamps.map(|(cell, _)| cell.surface).collect::<BTreeSet<_>>().len();
+        let hidden: Arc<[Surface]> = hidden.into_iter().map(|(_, corners)| Surface { corners }).collect();
         if mesh.cells.is_empty() {
             return Err(SceneError::OnlyBlocking(faces));
         }
@@ -166,9 +174,10 @@ impl Scene {
             (joints, Warning::TJunctions(joints)),
             (contacts, Warning::Contacts(contacts)),
             (layers.faces(), Warning::Layers(layers.faces())),
+            (lamps, Warning::HiddenLamps(lamps)),
         ];
         let warnings = warnings.into_iter().filter(|&(n, _)| n > 0).map(|(_, warning)| warning).collect();
-        let (mesh, surfaces, hidden) = (Arc::new(mesh), surfaces.into(), hidden.into());
+        let (mesh, surfaces) = (Arc::new(mesh), surfaces.into());
         Ok(Self { mesh, materials, surfaces, hidden, bands, physics, camera, warnings })
     }
 
@@ -386,42 +395,41 @@ fn lit(material: &Material) -> Lit {
     }
 }
 
-/// Cells with their sides, the faces that they are parts of, and what was left out.
-struct Sided {
-    mesh: Mesh,
-    surfaces: Vec<Surface>,
-    hidden: Vec<Surface>,
+/// Whether a material shines anywhere.
+fn emits(material: &Material, bands: usize) -> bool {
+    (0..bands).any(|band| material.exitance.uniform(band) != Some(0.0))
 }
 
 /// Puts the back of each two-sided surface after its front: the corners run the other way round, from the same first.
 /// Leaves out the cells of surfaces that only block light, and sides that lie under others; surfaces of which some do are taken
 /// to pieces, each a surface of its own if it has a side that is left.
-fn with_sides(mesh: &Mesh, materials: &[Material], surfaces: &[Surface], layers: &Layers) -> Sided {
+fn with_sides(
+    mesh: &Mesh,
+    materials: &[Material],
+    surfaces: &[Surface],
+    layers: &Layers,
+    tolerance: f64,
+) -> (Mesh, Vec<Surface>) {
     let mut builder = Builder::like(mesh);
-    let (mut kept, mut hidden) = (Vec::with_capacity(surfaces.len()), Vec::new());
+    let mut kept = Vec::with_capacity(surfaces.len());
     let indices: Vec<usize> = (0..mesh.cells.len()).collect();
     for cells in indices.chunk_by(|&a, &b| mesh.cells[a].surface == mesh.cells[b].surface) {
         let Cell { surface, material, .. } = mesh.cells[cells[0]];
         let lit = lit(&materials[material as usize]);
-        if layers.are_on(surface) {
-            for cell in cells {
-                let patch = mesh.patch(*cell);
-                let is_seen = |normal: DVec3| !layers.cover(surface, patch.center(), normal);
-                let sides = [is_seen(patch.normal()), lit == Lit::Both && is_seen(-patch.normal())];
-                let piece = Surface { corners: mesh.corners(*cell).map(|corner| corner.position) };
-                if sides.contains(&true) {
-                    push_sides(&mut builder, mesh, std::slice::from_ref(cell), kept.len(), sides);
-                    kept.push(piece);
-                } else {
-                    hidden.push(piece);
-                }
-            }
-        } else {
+        if !layers.are_on(surface) {
             push_sides(&mut builder, mesh, cells, kept.len(), [lit != Lit::Neither, lit == Lit::Both]);
             kept.push(surfaces[surface as usize]);
+            continue;
+        }
+        for cell in cells {
+            let patch = mesh.patch(*cell);
+            let is_seen = |normal: DVec3| !layers.cover(surface, &patch, normal, tolerance);
+            let sides = [is_seen(patch.normal()), lit == Lit::Both && is_seen(-patch.normal())];
+            push_sides(&mut builder, mesh, std::slice::from_ref(cell), kept.len(), sides);
+            kept.push(Surface { corners: mesh.corners(*cell).map(|corner| corner.position) });
         }
     }
-    Sided { mesh: builder.finish(), surfaces: kept, hidden }
+    (builder.finish(), kept)
 }
 
 /// Adds the front and the back of cells as those of a surface.

@@ -25,8 +25,8 @@ pub(super) fn sum_of<const N: usize, const B: usize, T: Number>(
     spots: &Spots,
 ) -> [[f64; B]; N] {
     #[cfg(target_arch = "x86_64")]
-    if B == 4 && is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has the feature.
+    if B == 4 && is_x86_feature_detected!("avx2") && is_x86_feature_detected!("bmi1") {
+        // SAFETY: the processor has both.
         let sums: [[f64; 4]; N] = unsafe { x86::sum_of(functions, (bits, hits), source, spots) };
         return sums.map(|of_function| std::array::from_fn(|band| of_function[band]));
     }
@@ -65,7 +65,7 @@ mod x86 {
     use std::arch::x86_64::{_mm256_add_pd, _mm256_mul_pd, _mm256_set1_pd, _mm256_setr_pd, _mm256_setzero_pd};
 
     /// [`super::sum_of`] for four lanes.
-    #[target_feature(enable = "avx2,bmi1,bmi2")]
+    #[target_feature(enable = "avx2,bmi1")]
     pub(super) fn sum_of<const N: usize, T: Number>(
         functions: &[[f64; MAX_DOFS]],
         (bits, hits): (u64, Run<'_>),
