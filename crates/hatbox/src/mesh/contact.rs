@@ -50,7 +50,7 @@ struct Cut {
 pub(crate) struct Split {
     pub(crate) mesh: Mesh,
     /// How many cells were.
-    pub(crate) split: usize,
+    pub(crate) cells: usize,
     /// The pieces that were left out, each with the cell that it was a piece of.
     pub(crate) hidden: Vec<(Cell, [DVec3; 4])>,
 }
@@ -73,8 +73,8 @@ impl Mesh {
     /// the mesh itself.
     #[must_use]
     pub fn split_at_contacts(&self, tolerance: f64) -> (Self, usize) {
-        let Split { mesh, split, .. } = self.split_at_contacts_and(&Layers::default(), tolerance);
-        (mesh, split)
+        let Split { mesh, cells, .. } = self.split_at_contacts_and(&Layers::default(), tolerance);
+        (mesh, cells)
     }
 
     /// The same, and along the outlines of what lies on a face; pieces of which nothing is seen are left out.
@@ -97,12 +97,12 @@ impl Mesh {
             Cut { cell, crossings: crossings(&Frame::of(&self.patch(cell)), &lines), lines }
         };
         let cuts: Vec<Cut> = inside.chunk_by(|a, b| a.0 == b.0).map(cut).collect();
-        let Split { mesh, split, .. } = self.split_at(&cuts, &Layers::default(), tolerance, Needles::Kept);
-        (mesh, split)
+        let Split { mesh, cells, .. } = self.split_at(&cuts, &Layers::default(), tolerance, Needles::Kept);
+        (mesh, cells)
     }
 
     fn split_at(&self, cuts: &[Cut], layers: &Layers, tolerance: f64, needles: Needles) -> Split {
-        let unchanged = || Split { mesh: self.clone(), split: 0, hidden: Vec::new() };
+        let unchanged = || Split { mesh: self.clone(), cells: 0, hidden: Vec::new() };
         if cuts.is_empty() && layers.faces() == 0 {
             return unchanged();
         }
@@ -132,7 +132,7 @@ impl Mesh {
             return unchanged();
         }
         let (mesh, _) = builder.finish().without_unused_vertices().conformed(tolerance);
-        Split { mesh, split, hidden }
+        Split { mesh, cells: split, hidden }
     }
 
     /// The cells that others touch, in order, each with its lines.

@@ -160,7 +160,7 @@ impl Scene {
         }
         let layers = Layers::of(&mesh, tolerance, |material| lit(&materials[material as usize]));
         let (mesh, joints) = mesh.conformed(tolerance);
-        let Split { mesh, split: contacts, hidden } = mesh.split_at_contacts_and(&layers, tolerance);
+        let Split { mesh, cells: contacts, hidden } = mesh.split_at_contacts_and(&layers, tolerance);
         let (mesh, surfaces) = with_sides(&mesh, &materials, &surfaces, &layers, tolerance);
         let lamps = hidden.iter().filter(|(cell, _)| emits(&materials[cell.material as usize], bands));
         let lamps = lamps.map(|(cell, _)| cell.surface).collect::<BTreeSet<_>>().len();
