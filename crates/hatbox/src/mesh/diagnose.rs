@@ -163,7 +163,8 @@ impl FindingKind {
             Self::InsideOut => "turn them all round (flip their normals); fine for a body that is lit from outside",
             Self::Intersecting => "cut them where they meet, or light is wrong where a face is partly hidden inside",
             Self::Overlapping => {
-                "one is lit, that of which the object has less in the plane, and what it covers is left out; if that is not meant, remove one"
+                "one is lit, that of which the object has less in the plane, and what it covers is left out; \
+                 if that is not meant, remove one"
             }
             Self::Covering => "fine for a box on a floor; cells that are partly covered are less accurate",
             Self::OpenEdge => "fine for open scenes and sheets; in a closed room, light escapes there",

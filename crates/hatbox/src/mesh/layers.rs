@@ -49,18 +49,19 @@ struct Pile {
     layers: Vec<(Patch, bool)>,
     tree: BoxTree,
     boxes: Vec<Bounds>,
-    /// Their edges, but for those between two of them.
+    /// Their edges, but for those between two that are alike.
     outline: Vec<Line>,
 }
 
 impl Pile {
     fn new(mesh: &Mesh, below: Lit, layers: Vec<(u32, Patch, bool)>) -> Self {
-        let vertices = |&(face, ..): &(u32, Patch, bool)| {
+        let edges_of = |&(face, _, both): &(u32, Patch, bool)| {
             let of = mesh.cells[face as usize].corners().to_vec();
-            (0..of.len()).map(move |k| [of[k], of[(k + 1) % of.len()]])
+            (0..of.len()).map(move |k| ([of[k], of[(k + 1) % of.len()]], both))
         };
-        let edges: HashSet<[u32; 2]> = layers.iter().flat_map(vertices).collect();
-        let mut outline: Vec<[u32; 2]> = edges.iter().copied().filter(|&[u, v]| !edges.contains(&[v, u])).collect();
+        let edges: HashSet<([u32; 2], bool)> = layers.iter().flat_map(edges_of).collect();
+        let is_border = |&&([u, v], both): &&([u32; 2], bool)| !edges.contains(&([v, u], both));
+        let mut outline: Vec<[u32; 2]> = edges.iter().filter(is_border).map(|&(ends, _)| ends).collect();
         outline.sort_unstable();
         let boxes: Vec<Bounds> =
             layers.iter().map(|(_, patch, _)| box_tree::bounds(patch.corners().iter().copied())).collect();
@@ -82,7 +83,9 @@ impl Pile {
             |k| {
                 let (patch, both) = &self.layers[k as usize];
                 let looks_alike = *both || patch.normal().dot(normal) > 0.0;
-                found |= looks_alike && box_tree::overlap(&self.boxes[k as usize], &around) && holds(patch, point);
+                found |= looks_alike
+                    && box_tree::overlap(&self.boxes[k as usize], &around)
+                    && holds(patch, point, tolerance);
             },
         );
         found
@@ -173,12 +176,12 @@ fn plane(patch: &Patch, tolerance: f64) -> [i64; 4] {
     [x, y, z, distance].map(|number| (way * number + UNLIKELY).floor() as i64)
 }
 
-/// Whether a point in the plane of a convex polygon lies in it.
-fn holds(patch: &Patch, point: DVec3) -> bool {
+/// Whether a point in the plane of a convex polygon lies in it, or on its border: there may be another behind.
+fn holds(patch: &Patch, point: DVec3, tolerance: f64) -> bool {
     let corners = patch.corners();
     (0..corners.len()).all(|k| {
         let (from, to) = (corners[k], corners[(k + 1) % corners.len()]);
-        patch.normal().dot((to - from).cross(point - from)) >= 0.0
+        patch.normal().dot((to - from).cross(point - from)) >= -tolerance * from.distance(to)
     })
 }
 
@@ -220,6 +223,24 @@ mod tests {
             assert!(!layers.are_on(1));
             assert_eq!(layers.cover(0, &piece(0.5), DVec3::Z, 1e-9), lies);
             assert!(!layers.cover(0, &piece(0.1), DVec3::Z, 1e-9));
+        }
+    }
+
+    /// A piece may have its middle on the edge between two layers.
+    #[test]
+    fn layers_hold_what_lies_between_them() {
+        let mut mesh = rug(true);
+        let [a, b, c, d] = mesh.cells[1].vertices;
+        let half = |vertices| Cell { shape: Shape::Triangle, vertices, ..mesh.cells[1] };
+        let halves = [half([a, b, c, c]), Cell { surface: 2, ..half([a, c, d, d]) }];
+        mesh.cells.splice(1.., halves);
+        let layers = Layers::of(&mesh, 1e-9, |_| Lit::Front);
+        assert_eq!(layers.outlines(0, &mesh.patch(0), 1e-9).len(), 4, "the diagonal is no border");
+        for k in 1..20 {
+            let at =
+                |dx: f64, dy: f64| DVec3::new(0.26 + 0.02 * f64::from(k) + dx, 0.26 + 0.02 * f64::from(k) + dy, 0.0);
+            let piece = Patch::new(Shape::Quad, [at(0.01, 0.0), at(0.01, 0.01), at(0.0, 0.01), at(0.0, 0.0)]);
+            assert!(layers.hide(0, &piece, 1e-9), "{k}");
         }
     }
 
