@@ -87,6 +87,8 @@ class ErrorEstimate:
     """What the operator's errors (quadrature and visibility) change of the reflected light, in the same norm."""
     solver: float
     """Relative residual that the solver left."""
+    seconds: float
+    """Time it took to estimate."""
 
 
 class Certificate(NamedTuple):
