@@ -11,7 +11,7 @@ use hatbox::io::read_scene;
 use hatbox::linalg::MultiVector;
 use hatbox::mesh::{Mesh, Refinement, Topology};
 use hatbox::probe::Probe;
-use hatbox::progress::Silent;
+use hatbox::progress::{Progress, Silent};
 use hatbox::quadrature::rule;
 use hatbox::radiosity::{Options, Shown, Solution, System, error_of, gathered, local_error, solve};
 use hatbox::scene::{Material, Physics, Quantity, Scene};
@@ -20,6 +20,7 @@ use hatbox::{exchange, solve as solvers};
 use manufactured::{RHO, chosen, l2_error};
 use std::f64::consts::SQRT_2;
 use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A room with a lamp in its ceiling's place and a sheet that throws a shadow.
 fn room(split: bool) -> Scene {
@@ -293,6 +294,33 @@ fn elements_are_not_refined_for_what_the_operator_errs_by() {
     let adapted = adapt::solve(&hard_shadow(), &options, &Silent).expect("solved");
     assert!(adapted.reached && adapted.rounds.len() > 1, "{:?}", adapted.rounds);
     assert!(adapted.rounds.iter().all(|round| round.elements == adapted.rounds[0].elements), "{:?}", adapted.rounds);
+}
+
+/// Counts the points at which the error is estimated.
+#[derive(Default)]
+struct Points(AtomicU64);
+
+impl Progress for Points {
+    fn begin(&self, stage: &'static str, total: u64) {
+        if stage == "estimating the error" {
+            self.0.fetch_add(total, Ordering::Relaxed);
+        }
+    }
+}
+
+/// Points are added where r² scatters, but not where the error is surely more than is wanted, or far less.
+#[test]
+fn no_more_points_are_taken_than_it_takes_to_know() {
+    let options = Options { error_points: 64, ..options(&ALL[1], 0.5) };
+    let system = System::build(&room(false), &options, &Silent).expect("built");
+    let points = |wanted: f64| {
+        let points = Points::default();
+        let (solved, _) = system.solved_within(&options, wanted, |_, _| Ok(None), &points).expect("solved");
+        (points.0.into_inner(), solved.error.expect("asked for").relative)
+    };
+    let (whatever, estimate) = points(0.0);
+    assert!(whatever > 64, "r² scatters: {whatever}");
+    assert_eq!([points(0.1 * estimate).0, points(estimate).0, points(10.0 * estimate).0], [64, whatever, 64]);
 }
 
 #[test]

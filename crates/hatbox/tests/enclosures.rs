@@ -466,8 +466,8 @@ fn the_sides_of_a_sheet_of_two_faces_are_not_covered() {
 /// Corners and a material.
 type Face = ([glam::DVec3; 4], u32);
 
-/// Before, integrated pairs saw both layers: a furnace with a rug drawn into its floor had a quarter more light than it should, and
-/// one whose floor was there twice three times as much, both estimated to be right to 1 %.
+/// Before, integrated pairs saw both layers: a furnace with a rug drawn into its floor, or whose floor was there twice, had far too
+/// much light, and the estimate knew nothing of it.
 #[test]
 fn of_layers_that_look_the_same_way_one_is_lit() {
     let at =

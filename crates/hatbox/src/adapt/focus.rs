@@ -162,6 +162,21 @@ mod tests {
         assert!(!options("roof").check_focus(&scene).expect_err("nowhere").black);
     }
 
+    /// Before, a black face whose middle was in the box was all that was looked at.
+    #[test]
+    fn a_box_with_the_middle_of_something_black_may_hold_a_part_of_what_reflects() {
+        let mut scene = plates(1.0);
+        let moved = |p: &DVec3| if p.z > 0.5 { *p + 0.4 * DVec3::X } else { *p };
+        scene.mesh = Mesh { vertices: scene.mesh.vertices.iter().map(moved).collect(), ..(*scene.mesh).clone() }.into();
+        scene.set_materials(vec![Material::diffuse("floor", 0.0), Material::diffuse("ceiling", 0.5)]).expect("as many");
+        let options = |above: f64| {
+            let focus = Focus::Box(DVec3::new(0.45, 0.3, -0.1), DVec3::new(0.75, 0.7, above));
+            adapt::Options { focus: Some(focus), ..Default::default() }
+        };
+        assert_eq!(options(1.1).check_focus(&scene), Ok(()));
+        assert!(options(0.5).check_focus(&scene).expect_err("the black floor alone").black);
+    }
+
     #[test]
     fn where_the_dual_is_smooth_an_error_hardly_matters() {
         for (inside, weight, psi) in weighted(&plates(1.0), &Focus::Name("floor".to_owned())) {

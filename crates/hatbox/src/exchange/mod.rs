@@ -84,15 +84,15 @@ pub trait Exchange: LinearOperator + Send {
         None
     }
 
+    /// A function as large as the noise that [`steady`](Self::steady) has all the same, which is `_steady`; integrated like it.
+    fn steady_noise(&self, _x: &MultiVector, _steady: &MultiVector) -> Option<MultiVector> {
+        None
+    }
+
     /// Calls `join` with pairs of cells that exchange light, as many as tell which ones do so through others; `false` if it is not
     /// known who does.
     fn join_exchanging(&self, _join: &mut dyn FnMut(usize, usize)) -> bool {
         false
-    }
-
-    /// A function as large as the noise that [`steady`](Self::steady) has all the same, integrated like it.
-    fn steady_noise(&self, _x: &MultiVector) -> Option<MultiVector> {
-        None
     }
 
     /// Half the difference of S x as two independent halves of the samples have it: a sample of the error of S x.

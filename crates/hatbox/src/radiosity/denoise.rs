@@ -1,10 +1,9 @@
 //! Noise in what lamps send, averaged where it is no more than noise.
 //!
 //! What arrives from lamps is not joined: shadows have edges. Where a lamp is seen through slats, each cell sees as much of it as
-//! its few points happen to, and what joins cells would average that: of irradiance that was written behind slats the error was
-//! twice that of the radiosity, which is joined. Two halves of the points tell how much noise n there is. What averaging
-//! changes is the noise that it takes away, nearly n², and what it blurs, b²; it pays where b² < n², which is where it changes less
-//! than 2 n². That is asked of a cell together with those that it is joined with.
+//! its few points happen to, and what joins cells would average that, as it does of radiosity. Two halves of the points tell how
+//! much noise n there is. What averaging changes is the noise that it takes away, nearly n², and what it blurs, b²; it pays where
+//! b² < n², which is where it changes less than 2 n². That is asked of a cell together with those that it is joined with.
 //!
 //! Tried and dropped: to ask each cell alone, and to allow three deviations. Halves differ most where the border of a shadow passes
 //! through a cell, and shadows of small lamps were blurred.
@@ -14,7 +13,7 @@ use crate::mesh::Mesh;
 use crate::space::FunctionSpace;
 use std::collections::BTreeMap;
 
-/// The square of what changes by averaging is at most so many times that of the noise.
+/// Averaging pays where the square of what it changes is at most so many times that of the noise.
 const MOST: f64 = 2.0;
 
 /// Adds the change that averaging makes on cells where it is no more than noise; what each material receives is kept.

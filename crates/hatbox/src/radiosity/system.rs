@@ -356,8 +356,8 @@ impl System {
             let (b, arrived, products) = search.finish();
             (b, arrived, info, products)
         };
-        let solution = self.solution_of(self.join.spread(&b).into_owned(), arrived, self.collects());
-        Ok((self.without_noise(solution), info, products))
+        let (solution, steady) = self.solution_of(self.join.spread(&b).into_owned(), arrived, self.collects());
+        Ok((self.without_noise(solution, steady), info, products))
     }
 
     /// Bytes that products may take: half of what the operator does, if it has left as much.
@@ -425,36 +425,39 @@ impl System {
     /// The solution whose radiosity has these broken coefficients.
     fn solution(&self, radiosity: MultiVector) -> Solution {
         let arrived = self.exchange.times(&radiosity);
-        self.solution_of(radiosity, arrived, false)
+        self.solution_of(radiosity, arrived, false).0
     }
 
     /// The same, if `arrived` is S of it, or that collected. What a sampled operator has from lamps alone is not averaged
-    /// ([`Exchange::steady`]).
-    fn solution_of(&self, radiosity: MultiVector, arrived: MultiVector, collected: bool) -> Solution {
-        let irradiance = match self.exchange.steady(&radiosity) {
+    /// ([`Exchange::steady`]); here it is, too.
+    fn solution_of(
+        &self,
+        radiosity: MultiVector,
+        arrived: MultiVector,
+        collected: bool,
+    ) -> (Solution, Option<MultiVector>) {
+        let steady = self.exchange.steady(&radiosity);
+        let irradiance = match &steady {
             None if collected => self.averaged(&arrived),
             None => self.irradiance_of(&arrived),
             Some(steady) => {
                 let mut rest = if collected { arrived } else { self.join.collect(Cow::Owned(arrived)).into_owned() };
-                rest.add_scaled(-1.0, &self.join.collect(Cow::Borrowed(&steady)));
+                rest.add_scaled(-1.0, &self.join.collect(Cow::Borrowed(steady)));
                 let mut irradiance = self.averaged(&rest);
-                irradiance.add_scaled(1.0, &self.mass_inverse.times(&steady));
+                irradiance.add_scaled(1.0, &self.mass_inverse.times(steady));
                 irradiance
             }
         };
-        Solution { scene: self.scene.clone(), space: self.space.clone(), radiosity, irradiance }
+        (Solution { scene: self.scene.clone(), space: self.space.clone(), radiosity, irradiance }, steady)
     }
 
     /// A solution whose irradiance is averaged also where what is steady in it is noise.
-    fn without_noise(&self, mut solution: Solution) -> Solution {
-        if self.space.continuity().is_none() {
+    fn without_noise(&self, mut solution: Solution, steady: Option<MultiVector>) -> Solution {
+        let Some(steady) = steady.filter(|_| self.space.continuity().is_some()) else { return solution };
+        let Some(noise) = self.exchange.steady_noise(&solution.radiosity, &steady) else { return solution };
+        if noise.norms().iter().all(|&norm| norm == 0.0) {
             return solution;
         }
-        let Some(noise) = self.exchange.steady_noise(&solution.radiosity) else { return solution };
-        let Some(steady) = self.exchange.steady(&solution.radiosity).filter(|_| noise.norms().iter().any(|&n| n > 0.0))
-        else {
-            return solution;
-        };
         let mut change = self.averaged(&self.join.collect(Cow::Borrowed(&steady)));
         change.add_scaled(-1.0, &self.mass_inverse.times(&steady));
         let noise = self.mass_inverse.times(&noise);

@@ -400,12 +400,18 @@ impl Exchange for Sampled {
         Some(self.lamps_alone(x, Take::All))
     }
 
-    fn steady_noise(&self, x: &MultiVector) -> Option<MultiVector> {
-        Some(half_difference([Take::FirstHalf, Take::SecondHalf].map(|take| self.lamps_alone(x, take))))
+    fn steady_noise(&self, x: &MultiVector, steady: &MultiVector) -> Option<MultiVector> {
+        // Half of what the halves differ by, since all is their mean.
+        let mut noise = self.lamps_alone(x, Take::FirstHalf);
+        noise.add_scaled(-1.0, steady);
+        Some(noise)
     }
 
     fn spread(&self, x: &MultiVector) -> Option<MultiVector> {
-        Some(half_difference(self.halves(x)))
+        let [mut first, second] = self.halves(x);
+        first.add_scaled(-1.0, &second);
+        first.scale(0.5);
+        Some(first)
     }
 
     fn apply_joined(&self, c: &Csr, transpose: &Csr, x: &MultiVector, y: &mut MultiVector) {
@@ -444,10 +450,4 @@ impl Exchange for Sampled {
         let bands = sum.iter().zip(free.iter().zip(&rest));
         Some(bands.map(|(sum, (free, rest))| sum + share * free + rest / f64::from(POINT_RAYS)).collect())
     }
-}
-
-fn half_difference([mut first, second]: [MultiVector; 2]) -> MultiVector {
-    first.add_scaled(-1.0, &second);
-    first.scale(0.5);
-    first
 }

@@ -142,6 +142,7 @@ mod tests {
         agrees::<1, f32>(ALL[0].triangle);
         agrees::<3, f32>(ALL[1].triangle);
         agrees::<3, f64>(ALL[1].triangle);
+        agrees::<4, f32>(ALL[2].quad.expect("bilinear functions live on quads"));
         agrees::<6, f64>(ALL[3].triangle);
     }
 }
