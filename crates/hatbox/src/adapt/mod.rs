@@ -42,10 +42,6 @@ use borders::with_sharp_borders;
 use marking::Marking;
 use std::time::{Duration, Instant};
 
-/// The next mesh is planned to have so many times the cells at the most: predictions reach no farther. (Neighbours that are
-/// halved with them come on top.) Where meshes double, all rounds together cost a third more than the last one. Four times was
-/// tried: last meshes overshot what was needed.
-const GROWTH: usize = 2;
 /// The operator's tolerance is no looser than this.
 const OPERATOR_LOOSEST: f64 = 0.1;
 /// If more than this of the estimate may be the operator's error, the operator is to blame, and is made so many times stricter
@@ -168,7 +164,8 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
         // Predictions are pessimistic: what came was 0.7 to 0.9 of them on the sample scenes.
         let goal = (options.tolerance / estimate).powi(2);
         let most = options.most_coefficients / settings.basis.triangle.dofs();
-        match finer_mesh(&solved.solution.scene, squares, &mut marking, goal, most) {
+        let planned = most.min((kind.growth * elements as f64).ceil() as usize);
+        match finer_mesh(&solved.solution.scene, squares, &mut marking, goal, [planned, most]) {
             Some(finer) => (scene, parents) = finer,
             None => return Ok(Adapted { system, solved, rounds, reached: false }),
         }
@@ -244,16 +241,17 @@ fn problem<'a>(
 }
 
 /// The next mesh, and the cell that each of its cells is a piece of; `None` if there is no error to refine for (what is
-/// left is not the elements') or too little room.
+/// left is not the elements') or too little room. It is planned to have so many cells and may have so many: neighbours that are
+/// halved with them come on top.
 fn finer_mesh(
     scene: &Scene,
     squares: Vec<f64>,
     marking: &mut Marking,
     goal: f64,
-    most: usize,
+    [planned, most]: [usize; 2],
 ) -> Option<(Scene, Vec<u32>)> {
     let cells = scene.mesh.cells.len();
-    let mut budget = most.min(GROWTH * cells);
+    let mut budget = planned;
     while budget > cells {
         let levels = marking.levels(&squares, goal, budget);
         let (finer, parents) = refined(scene, &levels);

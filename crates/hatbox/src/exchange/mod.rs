@@ -248,6 +248,10 @@ pub struct Kind {
     /// tolerance makes it stricter). The error of rays is a third to two thirds of what they are asked for
     /// (`cargo bench -p hatbox --bench operators`), and elements have to be left the greater part of the error. That of `auto` is that of the kind it [chooses](Self::chosen).
     pub looseness: f64,
+    /// How many times the elements of the last mesh one is planned to have that is to follow the light: the less, the better they
+    /// lie and the more meshes it takes. Of operators whose price is the square of the elements, more small steps cost no
+    /// more than few great ones, as fewer elements do in the end.
+    pub growth: f64,
     /// Builds it.
     pub build: Build,
 }
@@ -258,18 +262,21 @@ pub const ALL: &[Kind] = &[
         name: Dense::NAME,
         summary: "all pairs, stored; the reference, without noise, up to about 20 000 unknowns",
         looseness: 5.0,
+        growth: 1.25,
         build: |geometry, params, progress| Ok(Box::new(Dense::new(geometry, params, progress)?)),
     },
     Kind {
         name: Hierarchical::NAME,
         summary: "links between clusters that see each other, rays for the rest; time and memory grow like the elements",
         looseness: 0.5,
+        growth: 2.0,
         build: |geometry, params, progress| Ok(Box::new(Sampled::linked(geometry, params, progress)?)),
     },
     Kind {
         name: Sampled::NAME,
         summary: "cosine rays from every element and exact light from lamps; time and memory grow like the elements",
         looseness: 0.5,
+        growth: 2.0,
         build: |geometry, params, progress| Ok(Box::new(Sampled::new(geometry, params, progress)?)),
     },
 ];
