@@ -131,7 +131,7 @@ impl System {
         settings: Settings,
         solver: &str,
         error_points: usize,
-        max_unknowns: usize,
+        max_unknowns: Option<usize>,
         focus: Option<Focused>,
         gather: bool,
         threads: Option<usize>,

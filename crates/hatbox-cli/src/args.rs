@@ -73,9 +73,10 @@ pub(crate) struct SolveArgs {
     /// they may have half of the error.
     #[arg(long, value_name = "T", default_value = "2%", value_parser = options::tolerance)]
     pub(crate) tolerance: f64,
-    /// Stop refining before a band has more coefficients (3 for a linear element); the operator takes 4 N² bytes
-    #[arg(long, value_name = "N", default_value_t = options::adaptive_defaults().most_coefficients, value_parser = options::count)]
-    pub(crate) max_unknowns: usize,
+    /// Stop refining before a band has more coefficients (3 for a linear element) [default: 20000 with --operator dense,
+    /// which takes 4 N² bytes, else 200000]
+    #[arg(long, value_name = "N", value_parser = options::count)]
+    pub(crate) max_unknowns: Option<usize>,
     /// Where the error counts: a material, an object, or a box X,Y,Z;X,Y,Z. Elsewhere only as far as it matters there
     #[arg(long, value_name = "NAME|BOX", conflicts_with_all = ["max_edge", "elements"], allow_hyphen_values = true)]
     pub(crate) focus: Option<String>,

@@ -258,7 +258,7 @@ impl Report {
         let adaptivity = AdaptivityReport {
             tolerance: options.tolerance,
             reached: adapted.reached,
-            most_coefficients: options.most_coefficients,
+            most_coefficients: options.most_coefficients(),
             rounds: adapted.rounds.iter().map(round).collect(),
         };
         Self { adaptivity: Some(adaptivity), ..Self::new(given, &adapted.solved) }

@@ -226,7 +226,7 @@ fn refinement_reaches_what_was_asked_and_goes_where_the_error_is() {
         walls.map(|cell| mesh.patch(cell).area()).fold((f64::MAX, 0.0_f64), |(a, b), x| (a.min(x), b.max(x)));
     assert!(greatest > 3.9 * least, "the mesh is uniform: {least} {greatest}");
     assert!(adapted.solved.energy.defect() < 1e-9);
-    let few = adapt::Options { most_coefficients: 100, ..to(0.01) };
+    let few = adapt::Options { most_coefficients: Some(100), ..to(0.01) };
     assert!(!adapt::solve(&room(false), &few, &Silent).expect("solved").reached);
 }
 

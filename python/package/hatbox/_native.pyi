@@ -108,7 +108,7 @@ class System:
         settings: dict[str, Any],
         solver: str,
         error_points: int,
-        max_unknowns: int,
+        max_unknowns: int | None,
         focus: str | list[list[float]] | None,
         gather: bool,
         threads: int | None,

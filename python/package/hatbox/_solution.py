@@ -315,7 +315,7 @@ def solve(
     continuity: str = "continuous",
     elements: int | None = None,
     max_edge: float | None = None,
-    max_unknowns: int = 20_000,
+    max_unknowns: int | None = None,
     focus: str | npt.ArrayLike | None = None,
     gather: bool = False,
     grading: float = 1.0,
@@ -339,7 +339,8 @@ def solve(
         continuity: A name of `hatbox.CONTINUITIES`.
         elements: Subdivide to about so many elements.
         max_edge: Subdivide until no edge is longer, in metres.
-        max_unknowns: Refinement stops before a band has more coefficients (three for a linear element).
+        max_unknowns: Refinement stops before a band has more coefficients (three for a linear element): 20 000 with the
+            operator "dense" and 200 000 with others if not given.
             `Solution.report["adaptivity"]["reached"]` tells whether it did.
         focus: Where the error counts: the name of a material or a group, or two opposite corners of a box, shape
             (2, 3). Elsewhere it counts as far as it matters there.

@@ -94,6 +94,7 @@ impl Row {
         let before = cpu_seconds();
         let defaults = adapt::Options::default();
         let solve = Options { basis, ..defaults.solve };
+        let most_coefficients = Some(most_coefficients);
         let options = adapt::Options { solve, tolerance, focus, most_coefficients };
         let adapted = adapt::solve(scene, &options, &Silent)?;
         let mesh = format!("to {} %", (1e5 * tolerance).round() / 1e3);

@@ -56,7 +56,7 @@ impl Truth {
                 ..defaults.solve
             },
             tolerance: FINE,
-            most_coefficients: 12_000,
+            most_coefficients: Some(12_000),
             ..defaults
         };
         let fine = adapt::solve(scene, &options, &Silent)?;

@@ -61,8 +61,8 @@ pub struct Options {
     /// The greatest ‖B − B̃‖/‖B̃ − B⁰‖, estimated.
     pub tolerance: f64,
     /// Refinement stops before there are more coefficients per band than this in the broken space, where the operator
-    /// lives: a dense one takes 4 n² bytes.
-    pub most_coefficients: usize,
+    /// lives; as many as its [kind](exchange::Kind::most_coefficients) has if not given.
+    pub most_coefficients: Option<usize>,
     /// Where the error counts; everywhere if not given.
     pub focus: Option<Focus>,
 }
@@ -71,11 +71,16 @@ impl Default for Options {
     /// Joined linear functions to 2 %, from about 400 elements on.
     fn default() -> Self {
         let solve = radiosity::Options { refinement: Refinement::Elements(400), ..radiosity::Options::default() };
-        Self { solve, tolerance: 0.02, most_coefficients: 20_000, focus: None }
+        Self { solve, tolerance: 0.02, most_coefficients: None, focus: None }
     }
 }
 
 impl Options {
+    /// Coefficients per band at the most.
+    pub fn most_coefficients(&self) -> usize {
+        self.most_coefficients.unwrap_or(self.solve.operator.most_coefficients)
+    }
+
     /// Makes sure that there is something in focus.
     ///
     /// # Errors
@@ -91,7 +96,7 @@ impl Options {
         // A box may hold no middle of a face, or of a black one only, and yet middles of smaller cells. (What cannot be refined is
         // told elsewhere.)
         if !of_cells.contains(&true) && matches!(focus, Focus::Box(..)) {
-            let fine = scene.refined(Refinement::Elements(self.most_coefficients), self.solve.basis);
+            let fine = scene.refined(Refinement::Elements(self.most_coefficients()), self.solve.basis);
             of_cells = fine.map_or(vec![true], |fine| found(&fine));
         }
         let is_black = !of_cells.is_empty();
@@ -163,7 +168,7 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
         marking.learn(&squares, &parents);
         // Predictions are pessimistic: what came was 0.7 to 0.9 of them on the sample scenes.
         let goal = (options.tolerance / estimate).powi(2);
-        let most = options.most_coefficients / settings.basis.triangle.dofs();
+        let most = options.most_coefficients() / settings.basis.triangle.dofs();
         let planned = most.min((kind.growth * elements as f64).ceil() as usize);
         match finer_mesh(&solved.solution.scene, squares, &mut marking, goal, [planned, most]) {
             Some(finer) => (scene, parents) = finer,
@@ -299,7 +304,7 @@ fn first_mesh(scene: &Scene, settings: &radiosity::Options) -> Result<Scene, Err
 
 /// The scene halved all over until some cell is in focus, as long as it may grow.
 fn in_focus(mut scene: Scene, focus: &Focus, options: &Options) -> Scene {
-    let most = options.most_coefficients / options.solve.basis.triangle.dofs();
+    let most = options.most_coefficients() / options.solve.basis.triangle.dofs();
     while !focus.cells(&scene).contains(&true) && 4 * scene.mesh.cells.len() <= most {
         scene = scene.bisected(&vec![true; scene.mesh.cells.len()]).0;
     }

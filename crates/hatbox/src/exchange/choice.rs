@@ -39,6 +39,7 @@ pub static AUTO: Kind = Kind {
     summary: "all pairs if they take few seconds or less than rays, and fit into the memory; else rays",
     looseness: 1.0,
     growth: 2.0,
+    most_coefficients: 200_000,
     build: |geometry, params, progress| (choose(&Problem::of(geometry, params)).0.build)(geometry, params, progress),
 };
 

@@ -252,6 +252,8 @@ pub struct Kind {
     /// lie and the more meshes it takes. Of operators whose price is the square of the elements, more small steps cost no
     /// more than few great ones, as fewer elements do in the end.
     pub growth: f64,
+    /// Coefficients of a band that such a mesh may have at the most unless told otherwise: a table of all pairs takes 4 n² bytes.
+    pub most_coefficients: usize,
     /// Builds it.
     pub build: Build,
 }
@@ -263,6 +265,7 @@ pub const ALL: &[Kind] = &[
         summary: "all pairs, stored; the reference, without noise, up to about 20 000 unknowns",
         looseness: 5.0,
         growth: 1.25,
+        most_coefficients: 20_000,
         build: |geometry, params, progress| Ok(Box::new(Dense::new(geometry, params, progress)?)),
     },
     Kind {
@@ -270,6 +273,7 @@ pub const ALL: &[Kind] = &[
         summary: "links between clusters that see each other, rays for the rest; time and memory grow like the elements",
         looseness: 0.5,
         growth: 2.0,
+        most_coefficients: 200_000,
         build: |geometry, params, progress| Ok(Box::new(Sampled::linked(geometry, params, progress)?)),
     },
     Kind {
@@ -277,6 +281,7 @@ pub const ALL: &[Kind] = &[
         summary: "cosine rays from every element and exact light from lamps; time and memory grow like the elements",
         looseness: 0.5,
         growth: 2.0,
+        most_coefficients: 200_000,
         build: |geometry, params, progress| Ok(Box::new(Sampled::new(geometry, params, progress)?)),
     },
 ];

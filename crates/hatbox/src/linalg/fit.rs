@@ -1,6 +1,7 @@
 //! Least squares of a few long columns.
 
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Rows of a piece of work: some columns of them fit into a cache.
 const ROWS: usize = 1 << 12;
@@ -9,21 +10,28 @@ const ROWS: usize = 1 << 12;
 const DEPENDENT: f64 = 1e-6;
 
 /// Columns a_j, more and more of them, whose combinations are fitted to a target t.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone)]
 pub(crate) struct Columns {
+    /// What each row counts in sums.
+    weights: Arc<[f64]>,
     all: Vec<Vec<f64>>,
     /// Products of each column with those up to itself.
     products: Vec<Vec<f64>>,
-    /// Sums of each.
+    /// The weighted sum of each.
     sums: Vec<f64>,
 }
 
 impl Columns {
+    /// None yet; in sums each row counts so much.
+    pub(crate) fn summed(weights: &Arc<[f64]>) -> Self {
+        Self { weights: Arc::clone(weights), all: Vec::new(), products: Vec::new(), sums: Vec::new() }
+    }
+
     /// Adds columns, all of one length.
     pub(crate) fn extend(&mut self, new: impl IntoIterator<Item = Vec<f64>>) {
         let before = self.all.len();
         self.all.extend(new);
-        self.sums.extend(self.all[before..].iter().map(|column| column.iter().sum::<f64>()));
+        self.sums.extend(self.all[before..].iter().map(|column| super::dot(column, &self.weights)));
         let all: Vec<&[f64]> = self.all.iter().map(Vec::as_slice).collect();
         let products = products(&all[before..], &all);
         self.products.extend(products.into_iter().enumerate().map(|(k, mut row)| {
@@ -40,12 +48,12 @@ impl Columns {
         self.solved(&self.times(target))
     }
 
-    /// Changes these coefficients so that t − Σ y_j a_j sums to zero and grows least by it, if its norm does not exceed `most`:
+    /// Changes these coefficients so that the weighted sum of t − Σ y_j a_j is zero and its norm grows least by it, if its norm does not exceed `most`:
     /// with s the sums and G the normal matrix, y + λ G⁻¹ s.
     pub(crate) fn balance(&self, target: &[f64], y: &mut [f64], most: f64) {
         let towards = self.solved(&self.sums);
         let least = super::dot(target, target) - super::dot(y, &self.times(target));
-        let lacking = target.iter().sum::<f64>() - super::dot(y, &self.sums);
+        let lacking = super::dot(target, &self.weights) - super::dot(y, &self.sums);
         let reach = super::dot(&towards, &self.sums);
         if reach > 0.0 && least + lacking * lacking / reach <= most * most {
             y.iter_mut().zip(towards).for_each(|(y, towards)| *y += lacking / reach * towards);
@@ -156,7 +164,7 @@ mod tests {
 
     #[test]
     fn a_combination_is_found_and_what_depends_on_others_does_no_harm() {
-        let mut columns = Columns::default();
+        let mut columns = Columns::summed(&vec![1.0; 50_000].into());
         columns.extend([column(0), sum(1.0, 1e-3)]);
         columns.extend([column(1), vec![0.0; 50_000]]);
         let target = sum(2.0, -3.0);
@@ -165,14 +173,15 @@ mod tests {
 
     #[test]
     fn what_is_left_sums_to_nothing_if_it_may_be_that_much() {
-        let mut columns = Columns::default();
+        let weights: Arc<[f64]> = (0..50_000).map(|row| 1.0 + f64::from(row % 3)).collect();
+        let mut columns = Columns::summed(&weights);
         let lifted = |number: usize| column(number).into_iter().map(|x| 1.0 + x).collect::<Vec<f64>>();
         columns.extend([lifted(0), lifted(1), lifted(2)]);
         let target: Vec<f64> = lifted(1).iter().enumerate().map(|(row, x)| x + 0.01 * (row % 2) as f64).collect();
         let left = |y: &[f64]| {
             let mut rest = target.clone();
             columns.subtract(y, &mut rest);
-            (rest.iter().sum::<f64>(), norm(&rest))
+            (rest.iter().zip(&*weights).map(|(rest, weight)| rest * weight).sum::<f64>(), norm(&rest))
         };
         let (least, mut balanced) = (columns.fit(&target), columns.fit(&target));
         let (sum, norm) = left(&least);
@@ -185,7 +194,7 @@ mod tests {
 
     #[test]
     fn a_dark_band_stays_dark() {
-        let mut columns = Columns::default();
+        let mut columns = Columns::summed(&vec![1.0; 9].into());
         columns.extend([vec![0.0; 9], vec![0.0; 9]]);
         let mut y = columns.fit(&[0.0; 9]);
         columns.balance(&[0.0; 9], &mut y, 0.0);
@@ -194,7 +203,7 @@ mod tests {
 
     #[test]
     fn what_is_left_is_orthogonal_to_every_column() {
-        let mut columns = Columns::default();
+        let mut columns = Columns::summed(&vec![1.0; 50_000].into());
         columns.extend([column(0), column(1)]);
         let target: Vec<f64> = (0..50_000).map(|row| f64::from(row % 7)).collect();
         let rest = rest(&columns, &target);
@@ -206,7 +215,7 @@ mod tests {
 
     #[test]
     fn what_is_ignored_has_no_part_in_it() {
-        let mut columns = Columns::default();
+        let mut columns = Columns::summed(&vec![1.0; 50_000].into());
         columns.extend([column(0), column(1)]);
         columns.ignore_first(1);
         let y = columns.fit(&sum(2.0, -3.0));
@@ -215,6 +224,6 @@ mod tests {
 
     #[test]
     fn no_columns_have_no_coefficients() {
-        assert_eq!(Columns::default().fit(&[1.0, 2.0]), Vec::<f64>::new());
+        assert_eq!(Columns::summed(&vec![1.0; 50_000].into()).fit(&[1.0, 2.0]), Vec::<f64>::new());
     }
 }

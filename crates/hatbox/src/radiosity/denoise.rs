@@ -11,6 +11,7 @@
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
 use crate::mesh::Mesh;
 use crate::space::FunctionSpace;
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Averaging pays where the square of what it changes is at most so many times that of the noise.
@@ -26,7 +27,8 @@ pub(super) fn remove_noise(
 ) {
     let weighted = functions.map(|function| mass.times(function));
     let change = functions[0];
-    for band in 0..irradiance.bands() {
+    let rows = irradiance.rows().max(1);
+    irradiance.as_mut_slice().par_chunks_mut(rows).enumerate().for_each(|(band, irradiance)| {
         let square = |of: usize, cell: usize| -> f64 {
             let [f, w] = [functions[of], &weighted[of]].map(|x| &x.band(band)[space.range(cell)]);
             f.iter().zip(w).map(|(f, w)| f * w).sum()
@@ -42,11 +44,11 @@ pub(super) fn remove_noise(
         }
         for cell in cells {
             let [more, area] = received[&mesh.cells[cell].material];
-            let places = irradiance.band_mut(band)[space.range(cell)].iter_mut();
+            let places = irradiance[space.range(cell)].iter_mut();
             let changes = &change.band(band)[space.range(cell)];
             places.zip(changes).for_each(|(place, change)| *place += change - more / area);
         }
-    }
+    });
 }
 
 /// Sums over each cell and those that it is joined with, each as often as it is.

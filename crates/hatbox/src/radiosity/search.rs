@@ -36,7 +36,7 @@ pub(super) fn reflected_exactly(
     progress: &dyn Progress,
 ) -> Result<(MultiVector, MultiVector, Info), SolveError> {
     let mut arrived = equation.transport.seen.times(&b);
-    let first = equation.transport.of(arrived.clone());
+    let first = equation.first_bounce(arrived.clone());
     let mut step = MultiVector::zeros(b.rows(), b.bands());
     let info = gmres(equation, preconditioner, &first, &mut step, params, progress)?;
     b.add_scaled(1.0, &step);
@@ -92,18 +92,18 @@ impl<'a> Search<'a> {
             kept.keep(&Arc::new(Product::new(&emission, &image)), room.products);
             image
         });
-        let target = equation.transport.of(arrived.clone());
+        let target = equation.first_bounce(arrived.clone());
         let bands = target.bands();
         // A function, what arrives of it, and what the equation makes of it.
         let bytes = bands * (equation.transport.seen.rows() + 3 * target.rows()) * size_of::<f32>();
         let mut search = Self {
-            equation,
             first_bounce: target.norms(),
             rest: target.clone(),
             target,
             products: Vec::new(),
             known: 0,
-            spaces: (0..bands).map(|_| Columns::default()).collect(),
+            spaces: vec![Columns::summed(&equation.roots); bands],
+            equation,
             best: vec![Vec::new(); bands],
             most: (room.search / bytes.max(1)).clamp(FEWEST, restart.max(FEWEST)),
             found: [emission, arrived],
@@ -229,7 +229,7 @@ impl<'a> Search<'a> {
         self.target.clone_from(&self.rest);
         self.products.clear();
         self.known = 0;
-        self.spaces.iter_mut().for_each(|space| *space = Columns::default());
+        self.spaces.iter_mut().for_each(|space| *space = Columns::summed(&self.equation.roots));
         self.best.iter_mut().for_each(Vec::clear);
     }
 }

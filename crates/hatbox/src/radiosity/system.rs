@@ -1,11 +1,12 @@
+mod equation;
 mod relight;
 
 use super::denoise::remove_noise;
 use super::lossless::lossless;
-use super::operators::{Arriving, Equation, InverseMass, Join, Mass, Reflection, RoughInverse, Symmetric, Transport};
+use super::operators::{InverseMass, Join, Mass, RoughInverse};
 use super::products::Products;
 use super::residual::greater;
-use super::search::{FARTHEST, Room, Search, reflected_exactly};
+use super::search::FARTHEST;
 use super::strengths::strengths;
 use super::{Energy, Error, Gather, Solution};
 use crate::assemble::{Accuracy, Block, Panel, load, mass, weighted_mass};
@@ -13,7 +14,7 @@ use crate::exchange::{self, Balanced, Escape, Exchange, ExchangeError, Geometry,
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
 use crate::progress::Progress;
 use crate::scene::{Material, Scene};
-use crate::solve::{self, Info, SolveError, cg, neumann};
+use crate::solve::{self, Info, SolveError};
 use crate::space::FunctionSpace;
 use crate::visibility::{Bvh, Occluders};
 use std::borrow::Cow;
@@ -32,8 +33,8 @@ const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-3];
 /// one, whose noise is a million times that.
 const MASS_TOLERANCES: [f64; 2] = [1e-13, 1e-10];
 /// The same for directions of a search. A product leaves far more of the residual; but the light of a furnace, which is
-/// constant, is found to this in a few products, whatever the solver's tolerance.
-const ROUGH_MASS_TOLERANCE: f64 = 1e-5;
+/// constant, is found to this in a few products, whatever the solver's tolerance. And for what noise is averaged to.
+const ROUGH_MASS_TOLERANCE: f64 = 1e-4;
 /// Bounces that Neumann's iteration may take at the most.
 const MOST_BOUNCES: usize = 100_000;
 /// Steps of Arnoldi's method for the norm of the operator: an exact one costs little to apply, a sampled one has its
@@ -89,6 +90,8 @@ pub struct System {
     strengths: OnceLock<Vec<f64>>,
     /// b⁰ and M_R, integrated when they are first asked for: functions and textures take their time.
     load: OnceLock<MultiVector>,
+    /// The emission as a joined function.
+    emission: OnceLock<MultiVector>,
     reflectance: OnceLock<Arc<BlockDiagonal>>,
     join: Join,
     mass: BlockDiagonal,
@@ -157,6 +160,7 @@ impl System {
             occluders: Arc::default(),
             strengths: OnceLock::from(params.strengths.clone()),
             load: OnceLock::new(),
+            emission: OnceLock::new(),
             reflectance: OnceLock::new(),
             rough: Arc::new(RoughInverse::new(&join, [&mass, &mass_inverse])),
             scene,
@@ -273,7 +277,7 @@ impl System {
             return Ok(self.solve_for(self.load(), kind, params, progress)?);
         }
         let (solution, info, products) =
-            self.solve_reflected(self.load(), &self.known, self.most_products(), params, progress)?;
+            self.solve_reflected(self.emission().clone(), &self.known, self.most_products(), params, progress)?;
         if params.tolerance >= FARTHEST {
             self.found.get_or_init(|| products);
         }
@@ -300,74 +304,9 @@ impl System {
             (solve::Kind::Cg, Some(root)) => self.solve_symmetric(load, &root, params, progress),
             (solve::Kind::Neumann, _) => self.solve_by_bounces(load, params, progress),
             _ => self
-                .solve_reflected(load, &Products::default(), 0, params, progress)
+                .solve_reflected(self.emission_of(load), &Products::default(), 0, params, progress)
                 .map(|(solution, info, _)| (solution, info)),
         }
-    }
-
-    /// Light that is reflected once, twice, …
-    fn solve_by_bounces(
-        &self,
-        load: &MultiVector,
-        params: &solve::Params,
-        progress: &dyn Progress,
-    ) -> Result<(Solution, Info), SolveError> {
-        let seen = self.arriving();
-        let reflection = self.reflection();
-        let transport = Transport { join: &self.join, seen: &seen, reflection: &reflection };
-        let right_side = self.join.collect(Cow::Borrowed(load));
-        let mut b = self.inverse_mass().times(&right_side);
-        let info = neumann(&self.inverse_mass(), &transport, &right_side, &mut b, params, progress)?;
-        Ok((self.solution(self.join.spread(&b).into_owned()), info))
-    }
-
-    /// By minimal residuals, for the light that is reflected: the residual is relative to its first bounce, however bright the
-    /// lamps. A search for what a sampled S makes of it begins with what is `known` of S, and gives what it has learnt, in so
-    /// many bytes.
-    fn solve_reflected(
-        &self,
-        load: &MultiVector,
-        known: &Products,
-        bytes: usize,
-        params: &solve::Params,
-        progress: &dyn Progress,
-    ) -> Result<(Solution, Info, Products), SolveError> {
-        let seen = self.arriving();
-        let reflection = self.reflection();
-        let transport = Transport { join: &self.join, seen: &seen, reflection: &reflection };
-        let equation = Equation { mass: self.joined_mass(), transport };
-        let b = self.inverse_mass().times(&self.join.collect(Cow::Borrowed(load)));
-        let preconditioner = InverseMass { tolerance: 1e-2 * params.tolerance, ..self.inverse_mass() };
-        let (b, arrived, info, products) = if self.exchange.is_symmetric() || params.tolerance < FARTHEST {
-            let (b, arrived, info) = reflected_exactly(&equation, &preconditioner, b, params, progress)?;
-            (b, arrived, info, Products::default())
-        } else {
-            let room = Room { search: self.spare.saturating_sub(bytes), products: bytes };
-            let mut search = Search::new(equation, b, known, room, params.restart);
-            let scales = search.first_bounce();
-            // Directions of a search need not be the same function of what is left each time.
-            let rough = InverseMass { tolerance: ROUGH_MASS_TOLERANCE, ..self.inverse_mass() };
-            let mut info = solve::search(&mut search, &rough, scales, params, progress)?;
-            if info.residual > params.tolerance {
-                info = search.finish_by_gmres(&info, &preconditioner, params, progress)?;
-            } else {
-                info.residual = search.balance(params.tolerance);
-            }
-            let (b, arrived, products) = search.finish();
-            (b, arrived, info, products)
-        };
-        let (solution, steady) = self.solution_of(self.join.spread(&b).into_owned(), arrived, self.collects());
-        Ok((self.without_noise(solution, steady), info, products))
-    }
-
-    /// Bytes that products may take: half of what the operator does, if it has left as much.
-    fn most_products(&self) -> usize {
-        self.spare.min(self.exchange.statistics().bytes / 2)
-    }
-
-    /// What arrives, as [`reflection`](Self::reflection) wants it.
-    fn arriving(&self) -> Arriving<'_> {
-        Arriving { join: &self.join, exchange: &*self.exchange, collected: self.collects() }
     }
 
     /// Whether all that is asked of what arrives are its integrals against the joined functions: R does not vary on what is
@@ -380,46 +319,6 @@ impl System {
     fn is_reflectance_uniform(&self) -> bool {
         let uniform = |m: &Material| (0..self.scene.bands).all(|band| m.reflectance.uniform(band).is_some());
         self.scene.materials.iter().all(uniform)
-    }
-
-    fn reflection(&self) -> Reflection {
-        if !self.collects() {
-            return Reflection::Broken(self.weighted_mass().product(&self.mass_inverse));
-        }
-        let mut materials = vec![0; self.space.dofs()];
-        for (cell, of_cell) in self.scene.mesh.cells.iter().enumerate() {
-            let unknowns = self.space.range(cell).flat_map(|dof| self.space.unknowns_of(dof));
-            unknowns.for_each(|(unknown, _)| materials[unknown] = of_cell.material);
-        }
-        let mut reflectance = MultiVector::zeros(materials.len(), self.scene.bands);
-        for band in 0..self.scene.bands {
-            let of = |material: &Material| material.reflectance.uniform(band).unwrap_or(0.0);
-            let known: Vec<f64> = self.scene.materials.iter().map(of).collect();
-            reflectance
-                .band_mut(band)
-                .iter_mut()
-                .zip(&materials)
-                .for_each(|(r, &material)| *r = known[material as usize]);
-        }
-        Reflection::Joined(reflectance)
-    }
-
-    fn solve_symmetric(
-        &self,
-        load: &MultiVector,
-        root: &MultiVector,
-        params: &solve::Params,
-        progress: &dyn Progress,
-    ) -> Result<(Solution, Info), SolveError> {
-        let symmetric = Symmetric { mass: self.joined_mass(), exchange: &*self.exchange, root };
-        let emission = self.inverse_mass().times(&self.join.collect(Cow::Borrowed(load)));
-        let emission = self.join.spread(&emission).into_owned();
-        let right_side = symmetric.reflected(&emission);
-        let mut c = MultiVector::zeros(right_side.rows(), right_side.bands());
-        let info = cg(&symmetric, &self.inverse_mass(), &right_side, &mut c, params, progress)?;
-        let mut radiosity = symmetric.scaled(&c);
-        radiosity.add_scaled(1.0, &emission);
-        Ok((self.solution(radiosity), info))
     }
 
     /// The solution whose radiosity has these broken coefficients.
@@ -458,7 +357,9 @@ impl System {
         if noise.norms().iter().all(|&norm| norm == 0.0) {
             return solution;
         }
-        let mut change = self.averaged(&self.join.collect(Cow::Borrowed(&steady)));
+        let averaging = InverseMass { tolerance: ROUGH_MASS_TOLERANCE, ..self.inverse_mass() };
+        let averaged = averaging.times(&self.join.collect(Cow::Borrowed(&steady)));
+        let mut change = self.join.spread(&averaged).into_owned();
         change.add_scaled(-1.0, &self.mass_inverse.times(&steady));
         let noise = self.mass_inverse.times(&noise);
         remove_noise(&self.scene.mesh, &self.space, &self.mass, [&change, &noise], &mut solution.irradiance);
@@ -564,6 +465,16 @@ impl System {
     /// b⁰ against the broken functions.
     fn load(&self) -> &MultiVector {
         self.load.get_or_init(|| load(&self.scene, &self.space))
+    }
+
+    /// The joined function that is nearest to the scene's emission.
+    fn emission(&self) -> &MultiVector {
+        self.emission.get_or_init(|| self.emission_of(self.load()))
+    }
+
+    /// The same, given the integrals of the emission against the broken functions.
+    fn emission_of(&self, load: &MultiVector) -> MultiVector {
+        self.inverse_mass().times(&self.join.collect(Cow::Borrowed(load)))
     }
 
     /// M_R of the broken space.

@@ -252,7 +252,7 @@ struct Kept {
 
 impl Kept {
     fn new(target: MultiVector) -> Self {
-        let images = (0..target.bands()).map(|_| Columns::default()).collect();
+        let images = vec![Columns::summed(&vec![1.0; target.rows()].into()); target.bands()];
         Self { rest: target.clone(), target, functions: Vec::new(), images }
     }
 
