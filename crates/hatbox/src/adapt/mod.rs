@@ -22,8 +22,9 @@
 //! borders of half-shadows, and quadratic functions do pay there.
 //!
 //! Every round builds its operator afresh. Blocks of cells that did not change could be copied from the last one: vertices
-//! keep their numbers and rays are seeded by them, so that the copies would be the same to the last bit. But there are few: where
-//! some cells become four and all together twice as many, a third of the new ones are old, and a ninth of their pairs.
+//! keep their numbers and rays are seeded by them, so that the copies would be the same to the last bit. That is not
+//! done: where meshes grow by a half, neighbours included, at most two thirds of the new cells are old and less than half of their
+//! pairs; where they double, a third and a ninth.
 
 mod borders;
 mod focus;

@@ -16,6 +16,8 @@ use std::time::{Duration, Instant};
 
 /// Solvers are asked for no smaller residual, however little of the light an error is asked of: rounding leaves as much.
 const LEAST_TOLERANCE: f64 = 1e-10;
+/// Light on some cells that is less than this part of all light is none.
+const ROUNDING: f64 = 1e-9;
 
 /// What a user chooses.
 #[derive(Debug, Clone, Copy)]
@@ -227,11 +229,12 @@ impl System {
         let (mut solution, mut info) = self.solve(kind, &params, progress)?;
         let mut solver_time = started.elapsed();
         let within = within(self, &solution)?;
-        // The solver's residual is relative to all light, and little of it may be where the error is asked of.
+        // The solver's residual is relative to all light, and little of it may be where the error is asked of. (Neumann's is relative
+        // to the emission, and goes as far as it was asked to.)
         let share = within.as_ref().map_or(1.0, |within| self.share_of_light(&solution, within));
-        if share < 1.0 && !self.exchange.is_symmetric() {
+        let tolerance = (params.tolerance * share).max(LEAST_TOLERANCE);
+        if info.residual > tolerance && kind != solve::Kind::Neumann && !self.exchange.is_symmetric() {
             let again = Instant::now();
-            let tolerance = (params.tolerance * share).max(LEAST_TOLERANCE);
             (solution, info) = self.solve(kind, &solve::Params { tolerance, ..params }, progress)?;
             solver_time += again.elapsed();
         }
@@ -262,8 +265,7 @@ impl System {
 
     /// The L2 norm of the reflected light on some cells over that on all, in the band where it is least of those that are lit there.
     fn share_of_light(&self, solution: &Solution, within: &[bool]) -> f64 {
-        let mut light = solution.radiosity.clone();
-        light.add_scaled(-1.0, &self.projected_emission());
+        let light = self.reflected_light(solution);
         let weighted = self.mass().times(&light);
         let square = |band: usize, cells: &mut dyn Iterator<Item = usize>| -> f64 {
             let of = |k: usize| light.band(band)[k] * weighted.band(band)[k];
@@ -271,7 +273,9 @@ impl System {
         };
         let share = |band: usize| {
             let here = square(band, &mut (0..within.len()).filter(|&cell| within[cell]));
-            if here > 0.0 { (here / square(band, &mut (0..within.len()))).sqrt() } else { 1.0 }
+            let all = square(band, &mut (0..within.len()));
+            // Where nothing is reflected there is rounding.
+            if here > ROUNDING * ROUNDING * all { (here / all).sqrt() } else { 1.0 }
         };
         (0..light.bands()).map(share).fold(1.0, f64::min)
     }

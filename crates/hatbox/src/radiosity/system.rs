@@ -467,6 +467,13 @@ impl System {
         self.load.get_or_init(|| load(&self.scene, &self.space))
     }
 
+    /// A solution's light but for what the solver was given of the emission, in the broken space.
+    pub(super) fn reflected_light(&self, solution: &Solution) -> MultiVector {
+        let mut light = solution.radiosity.clone();
+        light.add_scaled(-1.0, &self.join.spread(self.emission()));
+        light
+    }
+
     /// The joined function that is nearest to the scene's emission.
     fn emission(&self) -> &MultiVector {
         self.emission.get_or_init(|| self.emission_of(self.load()))

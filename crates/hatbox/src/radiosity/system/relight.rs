@@ -5,7 +5,7 @@ use super::super::operators::{Join, RoughInverse};
 use super::super::products::Products;
 use super::System;
 use crate::exchange::Exchange;
-use crate::scene::{Material, Scene};
+use crate::scene::Material;
 use crate::space::{Continuity, FunctionSpace};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
@@ -33,7 +33,7 @@ impl System {
         if materials.len() != self.scene.materials.len() || !materials.iter().zip(&self.scene.materials).all(same) {
             return Err(MaterialsError::Geometry);
         }
-        let (collects, alike, before) = (self.collects(), self.scene.alike(), self.scene.clone());
+        let (collects, alike) = (self.collects(), self.scene.alike());
         self.scene.set_materials(materials)?;
         if let Some(found) = self.found.take() {
             self.known = found.with(&self.known, self.most_products());
@@ -48,10 +48,8 @@ impl System {
             self.rejoin(space);
         }
         self.strengths = OnceLock::new();
-        if !shines_alike(&before, &self.scene) {
-            self.load = OnceLock::new();
-            self.emission = OnceLock::new();
-        }
+        self.load = OnceLock::new();
+        self.emission = OnceLock::new();
         self.reflectance = OnceLock::new();
         self.operator_time = Duration::ZERO;
         Ok(())
@@ -77,16 +75,6 @@ impl System {
         self.rough = Arc::new(RoughInverse::new(&self.join, [&self.mass, &self.mass_inverse]));
         self.known = Products::default();
     }
-}
-
-/// Whether two scenes of the same cells give the same light, as far as it is known without asking textures.
-fn shines_alike(a: &Scene, b: &Scene) -> bool {
-    let same = |band: usize, [a, b]: [&Material; 2]| {
-        let (a, b) = (a.exitance.uniform(band), b.exitance.uniform(band));
-        a.is_some() && a == b
-    };
-    let (bands, mut pairs) = (a.bands, a.materials.iter().zip(&b.materials));
-    bands == b.bands && pairs.all(|(a, b)| (0..bands).all(|band| same(band, [a, b])))
 }
 
 /// Which of some materials may give light of their own.
