@@ -79,7 +79,7 @@ pub struct ErrorEstimate {
     /// has the first in it. Of a dense operator it is one to fourteen
     /// times what is true: most in empty rooms, where joining averages what quadrature errs by.
     pub operator: f64,
-    /// Relative residual that the solver left.
+    /// Relative residual that the solver left: of all light, wherever the error is asked of.
     pub solver: f64,
 }
 
