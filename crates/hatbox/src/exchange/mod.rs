@@ -250,8 +250,8 @@ pub struct Kind {
     pub looseness: f64,
     /// How many times the elements of the last mesh one is planned to have that is to follow the light: the less, the better they
     /// lie and the more meshes it takes. (Neighbours that are halved as well come on top.) Where rays are cast again
-    /// each time, doubling is cheaper; where all pairs are integrated, small steps take up to a third more time than doubling and a
-    /// tenth to a third fewer unknowns, in a focus half of them (`cargo bench -p hatbox --bench adapt -- asked`, `-- focus`).
+    /// each time, doubling is cheaper; where all pairs are integrated, small steps mostly end with fewer
+    /// unknowns, in a focus most of all, for more rounds (`cargo bench -p hatbox --bench adapt -- asked`, `-- focus`).
     pub growth: f64,
     /// Coefficients of a band that such a mesh may have at the most unless told otherwise: a table of all pairs takes 4 n² bytes.
     pub most_coefficients: usize,
