@@ -97,7 +97,8 @@ impl Options {
         // A box may hold no middle of a face, or of a black one only, and yet middles of smaller cells. (What cannot be refined is
         // told elsewhere.)
         if !of_cells.contains(&true) && matches!(focus, Focus::Box(..)) {
-            let fine = scene.refined(Refinement::Elements(self.most_coefficients()), self.solve.basis);
+            let most = self.most_coefficients() / self.solve.basis.triangle.dofs();
+            let fine = scene.refined(Refinement::Elements(most), self.solve.basis);
             of_cells = fine.map_or(vec![true], |fine| found(&fine));
         }
         let is_black = !of_cells.is_empty();

@@ -1,16 +1,13 @@
 //! The operators of the system, put together from mass, reflectance, exchange and continuity.
 
 use crate::exchange::Exchange;
-use crate::linalg::{BlockDiagonal, Csr, Diagonal, LinearOperator, MultiVector};
+use crate::linalg::{BlockDiagonal, Csr, Diagonal, LinearOperator, MultiVector, each};
 use crate::progress::Silent;
 use crate::solve::{Params, Scaled, cg, chebyshev};
 use crate::space::FunctionSpace;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
-
-/// Rows of a thread at the least.
-const LEAST_ROWS: usize = 1 << 15;
 
 /// C, Cᵀ and CᵀΔC; where nothing is joined, C is the identity.
 #[derive(Clone)]
@@ -343,8 +340,7 @@ impl LinearOperator for Symmetric<'_> {
 /// Changes each entry by the number of its row.
 fn for_rows(x: &mut MultiVector, numbers: &[f64], change: impl Fn(&mut f64, f64) + Sync) {
     for band in 0..x.bands() {
-        let rows = x.band_mut(band).par_iter_mut().zip(numbers).with_min_len(LEAST_ROWS);
-        rows.for_each(|(x, &number)| change(x, number));
+        each(x.band_mut(band), numbers, &change);
     }
 }
 
@@ -352,6 +348,6 @@ fn for_rows(x: &mut MultiVector, numbers: &[f64], change: impl Fn(&mut f64, f64)
 fn multiply(x: &mut MultiVector, by: &MultiVector) {
     for band in 0..x.bands() {
         let factors = by.band(band.min(by.bands() - 1));
-        x.band_mut(band).par_iter_mut().zip(factors).with_min_len(LEAST_ROWS).for_each(|(x, b)| *x *= b);
+        each(x.band_mut(band), factors, |x, b| *x *= b);
     }
 }
