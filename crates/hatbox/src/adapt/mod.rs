@@ -49,6 +49,10 @@ const OPERATOR_LOOSEST: f64 = 0.1;
 /// instead of refining; unless the last time did not bring its error down to this share.
 const BLAMED: f64 = 0.6;
 const STRICTER: f64 = 2.0;
+/// While far from what is asked for, an operator keeps to what the next mesh may come to: in the first round so many times what it
+/// keeps to in the end, and later such a part of the last estimate.
+const FIRST: f64 = 4.0;
+const NEXT: f64 = 0.25;
 const WORTHWHILE: f64 = 0.7;
 /// Of a residual seen at a cell's points, as much of its square is believed of the cell at least.
 const BELIEVED: f64 = 0.25;
@@ -150,7 +154,7 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
         let asked = options.tolerance / strictness.factor;
         let strengths = radiosity::strengths(&scene, &blockers);
         let (kind, why) = options.solve.operator.chosen(&problem(&scene, &blockers, &strengths, options, asked));
-        let loosest = (kind.looseness * options.tolerance).min(OPERATOR_LOOSEST);
+        let loosest = (kind.looseness * options.tolerance * strictness.ahead).min(OPERATOR_LOOSEST);
         (settings.operator, settings.tolerance) = (kind, loosest / strictness.factor);
         let mut system = System::of_cells(scene, &settings, progress)?;
         system.operator_reason = why;
@@ -166,6 +170,7 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
             scene = system.scene;
             continue;
         }
+        strictness.come_to(estimate / options.tolerance);
         let squares = error_squares(&solved.solution, &estimated, importance.as_deref());
         marking.learn(&squares, &parents);
         // Predictions are pessimistic: what came was 0.7 to 0.9 of them on the sample scenes.
@@ -211,15 +216,17 @@ fn solved_in_focus(
     Ok(Found { solved, estimated, importance })
 }
 
-/// How many times stricter the operator is than it is to begin with, and its error when that was raised last.
+/// How many times stricter the operator is than what is asked for needs, how many times looser it may be for now, and its error when
+/// it was made stricter last.
 struct Strictness {
     factor: f64,
+    ahead: f64,
     error: f64,
 }
 
 impl Default for Strictness {
     fn default() -> Self {
-        Self { factor: 1.0, error: f64::INFINITY }
+        Self { factor: 1.0, ahead: FIRST, error: f64::INFINITY }
     }
 }
 
@@ -227,10 +234,17 @@ impl Strictness {
     /// Raises it if the operator is to blame for an estimate.
     fn is_raised_for(&mut self, operator: f64, estimate: f64) -> bool {
         let to_blame = operator > BLAMED * estimate && operator < WORTHWHILE * self.error;
-        if to_blame {
-            *self = Self { factor: STRICTER * self.factor, error: operator };
+        if to_blame && self.ahead > 1.0 {
+            self.ahead = (self.ahead / STRICTER).max(1.0);
+        } else if to_blame {
+            *self = Self { factor: STRICTER * self.factor, error: operator, ..*self };
         }
         to_blame
+    }
+
+    /// Sees to the next mesh after an estimate of so many times what is asked for.
+    fn come_to(&mut self, times: f64) {
+        self.ahead = (NEXT * times).clamp(1.0, self.ahead);
     }
 }
 
@@ -351,12 +365,27 @@ mod tests {
 
     #[test]
     fn an_operator_is_made_stricter_where_it_is_to_blame_and_where_that_helped_before() {
-        let mut strictness = Strictness::default();
+        let mut strictness = Strictness { ahead: 1.0, ..Strictness::default() };
         assert!(!strictness.is_raised_for(0.004, 0.01), "most of it is the elements'");
         assert!(strictness.is_raised_for(0.008, 0.01));
         assert!(!strictness.is_raised_for(0.0075, 0.01), "it did not help");
         assert!(strictness.is_raised_for(0.004, 0.005), "it helped, and is to blame again");
         assert!((strictness.factor - STRICTER * STRICTER).abs() < 1e-12);
         assert!(!strictness.is_raised_for(f64::NAN, 0.01));
+    }
+
+    #[test]
+    fn an_operator_becomes_as_strict_as_what_is_asked_for_needs_and_then_stricter() {
+        let mut strictness = Strictness::default();
+        strictness.come_to(100.0);
+        assert!((strictness.ahead - FIRST).abs() < 1e-12);
+        strictness.come_to(6.0);
+        assert!((strictness.ahead - 1.5).abs() < 1e-12);
+        for factor in [1.0, STRICTER] {
+            assert!(strictness.is_raised_for(0.1, 0.12));
+            assert!((strictness.ahead - 1.0).abs() < 1e-12 && (strictness.factor - factor).abs() < 1e-12);
+        }
+        strictness.come_to(100.0);
+        assert!((strictness.ahead - 1.0).abs() < 1e-12, "it does not become looser again");
     }
 }

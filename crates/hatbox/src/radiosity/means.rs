@@ -1,11 +1,13 @@
 //! Means over parts of the scene of what a solution does not know of its residual: the errors of its operator, for
 //! reflection to multiply.
 //!
-//! Parts are cells of one material that look the same way.
+//! Parts are cells of one material that look the same way. What is wrong is taken to be the same share of the light everywhere in a part:
+//! walls of a bright room and of a dark one are often one part, and the same number of lx on both was tens of times what the dark
+//! one has.
 
 use super::System;
 use super::residual::Sample;
-use crate::linalg::MultiVector;
+use crate::linalg::{LinearOperator, MultiVector};
 use crate::mesh::Mesh;
 
 /// A part of the scene with fewer points than this has no mean; points count as many as if all stood for the same area.
@@ -19,22 +21,26 @@ struct Part {
     area: f64,
     /// The sum of the squares of what the points stand for.
     square: f64,
-    /// Integral of r − (g − B̃), per band.
-    rest: Vec<f64>,
+    /// Integrals of r − (g − B̃) and of the reflected light, per band.
+    rest: Vec<[f64; 2]>,
 }
 
-/// For each cell the mean of r − (g − B̃) over its part of the scene, as a function of the broken space.
-pub(super) fn part_means(system: &System, samples: &[Sample], bands: usize) -> MultiVector {
-    let space = &system.space;
-    let part_of = parts(&system.scene.mesh);
+/// As a function of the broken space, the reflected light times the mean of r − (g − B̃) over each part of the scene relative to that
+/// of the light; where that mean is more than the light's, the mean itself.
+pub(super) fn part_means(system: &System, samples: &[Sample], light: &MultiVector) -> MultiVector {
+    let (space, mesh, bands) = (&system.space, &system.scene.mesh, light.bands());
+    let integrals = system.mass().times(light);
+    let part_of = parts(mesh);
     let count = part_of.iter().max().map_or(0, |&last| last + 1);
-    let mut parts = vec![Part { area: 0.0, square: 0.0, rest: vec![0.0; bands] }; count];
+    let mut parts = vec![Part { area: 0.0, square: 0.0, rest: vec![[0.0; 2]; bands] }; count];
     for sample in samples {
-        let part = &mut parts[part_of[sample.cell]];
+        let (part, area) = (&mut parts[part_of[sample.cell]], mesh.patch(sample.cell).area());
         part.area += sample.area;
         part.square += sample.area * sample.area;
-        for (sum, [first, second, _, known]) in part.rest.iter_mut().zip(&sample.bands) {
-            *sum += sample.area * (0.5 * (first + second) - known);
+        for (band, [first, second, _, known]) in sample.bands.iter().enumerate() {
+            let light = integrals.band(band)[space.range(sample.cell)].iter().sum::<f64>() / area;
+            part.rest[band][0] += sample.area * (0.5 * (first + second) - known);
+            part.rest[band][1] += sample.area * light;
         }
     }
     let mut means = MultiVector::zeros(space.broken_dofs(), bands);
@@ -44,8 +50,14 @@ pub(super) fn part_means(system: &System, samples: &[Sample], bands: usize) -> M
         if part.area * part.area < LEAST_POINTS * part.square || part.area == 0.0 {
             continue;
         }
-        for band in 0..bands {
-            means.band_mut(band)[space.range(cell)].fill(part.rest[band] / part.area);
+        for (band, &[rest, of_light]) in part.rest.iter().enumerate() {
+            let (here, range) = (means.band_mut(band), space.range(cell));
+            if rest.abs() < of_light {
+                let lit = &light.band(band)[range.clone()];
+                here[range].iter_mut().zip(lit).for_each(|(mean, light)| *mean = rest / of_light * light);
+            } else {
+                here[range].fill(rest / part.area);
+            }
         }
     }
     means
@@ -86,6 +98,11 @@ mod tests {
         System::build(&scene, &options, &Silent).expect("built")
     }
 
+    /// Light that is the same all over each triangle.
+    fn lit(values: [f64; 2]) -> MultiVector {
+        MultiVector::from_fn(6, 1, |row, _| values[row / 3])
+    }
+
     /// A point with two residuals about 0.5, of which 0.2 is known.
     fn sample(cell: usize, area: f64) -> Sample {
         Sample { cell, area, bands: vec![[0.4, 0.6, 0.0, 0.2]] }
@@ -94,8 +111,18 @@ mod tests {
     #[test]
     fn the_mean_is_what_is_not_known_of_the_residual() {
         let samples: Vec<Sample> = (0..8).map(|k| sample(k % 2, 0.5)).collect();
-        let means = part_means(&system(), &samples, 1);
+        let means = part_means(&system(), &samples, &lit([0.0, 0.2]));
         assert!(means.as_slice().iter().all(|mean| (mean - 0.3).abs() < 1e-15), "{means:?}");
+    }
+
+    /// The dark half of a part was taken to be wrong by as many lx as the bright one.
+    #[test]
+    fn what_is_not_known_is_the_same_share_of_bright_and_of_dark_light() {
+        let samples: Vec<Sample> = (0..8).map(|k| sample(k % 2, 0.5)).collect();
+        let means = part_means(&system(), &samples, &lit([4.0, 2.0]));
+        for (mean, share) in means.as_slice().iter().zip([4.0, 4.0, 4.0, 2.0, 2.0, 2.0]) {
+            assert!((mean - 0.1 * share).abs() < 1e-15, "{means:?}");
+        }
     }
 
     /// A hundred points crowd where there is error: what two others stand for is nearly all of the part.
@@ -103,6 +130,6 @@ mod tests {
     fn a_mean_that_two_points_decide_is_none() {
         let crowd = (0..100).map(|_| sample(0, 1e-4));
         let samples: Vec<Sample> = crowd.chain([sample(1, 0.5), sample(1, 0.5)]).collect();
-        assert!(part_means(&system(), &samples, 1).as_slice().iter().all(|&mean| mean == 0.0));
+        assert!(part_means(&system(), &samples, &lit([0.0; 2])).as_slice().iter().all(|&mean| mean == 0.0));
     }
 }

@@ -186,8 +186,9 @@ struct Measure<'a> {
     areas: Vec<f64>,
     /// ‖B̃ − B⁰‖ within, per band; everywhere if that is nothing.
     norms: Vec<f64>,
-    /// Δ⁻¹(b⁰ + M_R e).
+    /// Δ⁻¹(b⁰ + M_R e), and the same without the emission.
     reflected: MultiVector,
+    light: MultiVector,
     /// g − B̃, the part of the residual that is known without points.
     taken: MultiVector,
     /// The cells that functions are joined across the edges of, if they are.
@@ -211,13 +212,14 @@ impl<'a> Measure<'a> {
             taken,
             joints,
             reflected,
+            light,
             system,
             solution,
             sampling,
         };
-        measure.norms = measure.norms_within(&light);
+        measure.norms = measure.norms_within(&measure.light);
         // Where nothing lights what is asked of, there is no light there to be relative to.
-        let everywhere = light.dot(&system.mass().times(&light)).into_iter().map(root);
+        let everywhere = measure.light.dot(&system.mass().times(&measure.light)).into_iter().map(root);
         measure.norms.iter_mut().zip(everywhere).for_each(|(norm, all)| {
             if *norm <= ROUNDING * all {
                 *norm = all;
@@ -426,7 +428,7 @@ impl<'a> Measure<'a> {
     /// ‖p‖² and ⟨r, p⟩ within, per band.
     fn propagated(&self, samples: &[Sample], progress: &dyn Progress) -> Result<Vec<[f64; 2]>, SolveError> {
         let mut residual = self.taken.clone();
-        residual.add_scaled(1.0, &part_means(self.system, samples, self.solution.bands()));
+        residual.add_scaled(1.0, &part_means(self.system, samples, &self.light));
         let p = self.system.reflections(&residual, progress)?;
         let [square, product] = [&p, &residual].map(|other| self.products_within(&p, other));
         Ok(square.into_iter().zip(product).map(|(square, product)| [square, product]).collect())
