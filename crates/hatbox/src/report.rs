@@ -4,6 +4,10 @@
 //! The names and the nesting are an interface: fields are added, never renamed. Numbers are in the units of the scene
 //! (lm, lx or W, W/m²), lengths in metres, errors and fractions relative to 1, and lists have one entry per band.
 
+mod bright;
+
+pub use bright::BrightReport;
+
 use crate::adapt::{self, Adapted};
 use crate::certificate::Certificate;
 use crate::linalg::{LinearOperator, MultiVector};
@@ -41,6 +45,8 @@ pub struct Report {
     pub closure: ClosureReport,
     /// How wrong the solution may be; `None` if nobody asked.
     pub error: Option<ErrorReport>,
+    /// Where most of the light is that errors are relative to; `None` if that is in a focus.
+    pub bright: Option<BrightReport>,
     /// What the error is proven not to exceed, if that was asked for.
     pub certificate: Option<CertificateReport>,
     /// How the mesh was refined; `None` if it was given.
@@ -261,7 +267,9 @@ impl Report {
             most_coefficients: options.most_coefficients(),
             rounds: adapted.rounds.iter().map(round).collect(),
         };
-        Self { adaptivity: Some(adaptivity), ..Self::new(given, &adapted.solved) }
+        let report = Self::new(given, &adapted.solved);
+        let bright = report.bright.filter(|_| options.focus.is_none());
+        Self { adaptivity: Some(adaptivity), bright, ..report }
     }
 
     /// From what was given and what came out.
@@ -293,6 +301,7 @@ impl Report {
                 factor: solved.closure.factor,
             },
             certificate: None,
+            bright: solved.error.map(|_| BrightReport::new(solution)),
             error: solved.error.map(|e| ErrorReport {
                 kind: "estimated",
                 estimate: e.relative,

@@ -244,7 +244,10 @@ impl Strictness {
 
     /// Sees to the next mesh after an estimate of so many times what is asked for.
     fn come_to(&mut self, times: f64) {
-        self.ahead = (NEXT * times).clamp(1.0, self.ahead);
+        // No number says nothing.
+        if times.is_finite() {
+            self.ahead = (NEXT * times).clamp(1.0, self.ahead);
+        }
     }
 }
 

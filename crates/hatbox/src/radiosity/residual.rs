@@ -11,7 +11,7 @@
 //!   added.
 //! - p = R K (r + p) is what the residual causes elsewhere. Of r that can be reflected, the space knows its projection
 //!   g − B̃, with g = Δ⁻¹(b⁰ + M_R e) in the broken space: joined functions leave it. The operator's errors are not in it;
-//!   their means over parts of the scene (`means`) are measured at the same points. Both are reflected with the same S.
+//!   what share of the light these are in parts of the scene (`means`) is measured at the same points. Both are reflected with the same S.
 //! - In a bright room a thousandth that too little is lost is a hundredth of the light, and no points see a thousandth in the noise
 //!   of theirs. Where rays make the operator, half of what the halves of them differ by is a function like its error, and so is the
 //!   same with other signs on the cells, whose rays are their own. Both are reflected; what they cause is a third part, q, of

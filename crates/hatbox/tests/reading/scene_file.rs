@@ -49,6 +49,23 @@ fn a_mirrored_mesh_keeps_its_front() {
     assert!((scene.mesh.area() - 1.5 - 3.0).abs() < 1e-12);
 }
 
+/// All faces of all PLY and STL files were of one material.
+#[test]
+fn meshes_without_materials_are_given_one_each() {
+    let stl = b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n";
+    let toml = "[[mesh]]\nfile = 'a.stl'\nmaterial = 'wall'\n[[mesh]]\nfile = 'a.stl'\ntranslate = [0, 0, 1]\n\
+        material = 'lamp'\n[[mesh]]\nfile = 'box.obj'\nmaterial = 'paint'\n[material.lamp]\nexitance = 5\n[material.wall]\n\
+        reflectance = 0.2\n";
+    let files = Files::new(&[("box.obj", OBJ), ("a.stl", stl), ("scene.toml", toml.as_bytes())]);
+    let scene = files.read("scene.toml").expect("right");
+    let of = |cell: usize| &scene.materials[scene.mesh.cells[cell].material as usize];
+    let found = [0, 1, 2, 3].map(|cell| (of(cell).name.as_str(), of(cell).reflectance.uniform(0)));
+    assert_eq!(found, [("wall", Some(0.2)), ("lamp", Some(0.5)), ("paint", Some(0.5)), ("paint", Some(0.5))]);
+    assert_eq!(of(1).exitance.uniform(0), Some(5.0));
+    let warned = |name: &str| scene.warnings.iter().filter(|text| text.contains(name)).count();
+    assert_eq!(["`lamp`", "`paint`", "`wall`", "no materials"].map(warned), [1, 1, 0, 0], "{:?}", scene.warnings);
+}
+
 #[test]
 fn a_temperature_for_all_uses_the_emissivity_of_each() {
     let toml = "physics = 'heat'\n[[mesh]]\nfile = 'box.obj'\n[material.'*']\ntemperature = 300\nsides = 'two'\n\

@@ -3,9 +3,9 @@
 use super::Source;
 use super::schema::{MeshEntry, Rotation, Scale};
 use crate::io::read::builder::normal_matrix;
-use crate::io::read::{Format, RawScene, ReadError, files, read_raw};
+use crate::io::read::{DEFAULT_REFLECTANCE, Format, RawScene, ReadError, files, read_raw};
 use crate::mesh::Mesh;
-use crate::scene::{Camera, Physics};
+use crate::scene::{Camera, Material, Physics};
 use glam::{DMat4, DQuat, DVec3};
 use std::path::Path;
 
@@ -24,7 +24,10 @@ pub(super) fn meshes(source: &Source<'_>, entries: &[MeshEntry], metres: f64) ->
         guessed: Vec::new(),
     };
     for entry in entries {
-        let (part, in_metres) = open(source, entry)?;
+        let (mut part, in_metres) = open(source, entry)?;
+        if let Some(name) = &entry.material {
+            of_one_material(source, &mut part, name);
+        }
         let unit = match &entry.unit {
             Some(unit) => source.metres(unit)?,
             None if in_metres => 1.0,
@@ -49,6 +52,17 @@ fn open(source: &Source<'_>, entry: &MeshEntry) -> Result<(RawScene, bool), Read
         return Err(error("a scene file cannot be a mesh of another".to_owned(), "name its meshes here"));
     }
     Ok((read_raw(&path)?, format.is_some_and(|format| format.in_metres)))
+}
+
+/// Makes all faces of a mesh of one material, of which nothing is known but its name.
+fn of_one_material(source: &Source<'_>, part: &mut RawScene, name: &str) {
+    let text = format!("nothing says what material `{name}` is: reflectance {DEFAULT_REFLECTANCE} is assumed");
+    let warning = format!("{}: {text}; set it in [material.{name:?}]", source.file.display());
+    part.materials = vec![Material::diffuse(name, DEFAULT_REFLECTANCE)];
+    part.mesh.cells.iter_mut().for_each(|cell| cell.material = 0);
+    let guessed = std::mem::replace(&mut part.guessed, vec![[name.to_owned(), warning.clone()]]);
+    part.warnings.retain(|warning| guessed.iter().all(|[_, text]| text != warning));
+    part.warnings.push(warning);
 }
 
 /// Scale, then rotation, then translation; the mesh's own unit comes first.
