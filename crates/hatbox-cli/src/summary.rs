@@ -22,7 +22,7 @@ const EXACT: f64 = 1e-12;
 /// What a closed scene may lose of its power without a word: a digit less than is shown.
 const SMALL_LOSS: f64 = 5e-4;
 
-/// Most of the light on less than this part of the area is worth a word.
+/// Nine tenths of the square of the norm on less than this part of the area are worth a word.
 const LITTLE: f64 = 1e-2;
 
 /// Lines, each with a name in a column of its own.
@@ -203,13 +203,13 @@ fn error(lines: &mut Lines, report: &Report) {
         error.solver,
         seconds(error.seconds)
     ));
+    let Some(adaptivity) = &report.adaptivity else { return };
     if let Some(bright) = report.bright.as_ref().filter(|bright| bright.area < LITTLE) {
         let (area, objects) = (percent(bright.area), bright.objects.join("`, `"));
         lines.more(&format!(
-            "most of that light is on {area} of the area, of `{objects}`: ask for the rest with --focus"
+            "relative to the light on {area} of the area (`{objects}`); the rest may err by more: see --focus"
         ));
     }
-    let Some(adaptivity) = &report.adaptivity else { return };
     let asked = percent(adaptivity.tolerance);
     if adaptivity.reached {
         lines.more(&format!("asked: {asked}, reached in {}", several(adaptivity.rounds.len() as u64, "round")));

@@ -45,7 +45,8 @@ pub struct Report {
     pub closure: ClosureReport,
     /// How wrong the solution may be; `None` if nobody asked.
     pub error: Option<ErrorReport>,
-    /// Where most of the light is that errors are relative to; `None` if that is in a focus.
+    /// Where most of the square of the norm is that errors are relative to; `None` if nothing is reflected, no error was asked for, or
+    /// only that in a focus.
     pub bright: Option<BrightReport>,
     /// What the error is proven not to exceed, if that was asked for.
     pub certificate: Option<CertificateReport>,
@@ -301,7 +302,7 @@ impl Report {
                 factor: solved.closure.factor,
             },
             certificate: None,
-            bright: solved.error.map(|_| BrightReport::new(solution)),
+            bright: solved.error.and_then(|_| BrightReport::new(solution)),
             error: solved.error.map(|e| ErrorReport {
                 kind: "estimated",
                 estimate: e.relative,

@@ -250,6 +250,25 @@ fn operators_of_rays_reach_what_was_asked() {
     assert!(adapted.reached, "{:?}", adapted.rounds);
 }
 
+/// The first operator is looser than what is asked for needs: an answer that it may have spoilt is given again.
+#[test]
+fn no_answer_is_left_to_an_operator_that_is_looser_than_asked_for() {
+    let mut options = to(0.05);
+    options.solve.operator = exchange::kind("sampled").expect("a kind");
+    options.solve.refinement = Refinement::Elements(2000);
+    let adapted = adapt::solve(&room(false), &options, &Silent).expect("solved");
+    let elements: Vec<usize> = adapted.rounds.iter().map(|round| round.elements).collect();
+    assert!(adapted.reached && elements == [elements[0]; 2], "{:?}", adapted.rounds);
+    let built = |slack: f64| {
+        let tolerance = slack * options.solve.operator.looseness * options.tolerance;
+        let scene = adapted.system.scene.clone();
+        let system = System::of_cells(scene, &Options { tolerance, ..options.solve }, &Silent).expect("built");
+        system.exchange.statistics().rays
+    };
+    let rays = adapted.solved.operator.rays;
+    assert!(rays == built(1.0) && rays > 2 * built(options.solve.operator.slack), "{rays}");
+}
+
 /// A sheet under a small lamp: the border of its shadow is two hundredths of the floor wide.
 fn hard_shadow() -> Scene {
     let square = |s: f64, z: f64| [(-s, -s), (s, -s), (s, s), (-s, s)].map(|(x, y)| DVec3::new(x, y, z));

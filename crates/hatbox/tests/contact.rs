@@ -21,6 +21,23 @@ fn gray(mesh: Mesh) -> Scene {
     Scene::new(mesh, vec![Material::diffuse("gray", 0.5)], Physics::Light, None).expect("a good scene")
 }
 
+/// Plates of a metre that face each other 0.1 mm apart above a ground of 100 m were one, without a word, and lit through each other.
+#[test]
+fn gaps_that_the_size_of_the_scene_closes_are_told() {
+    let plates = |gap: f64, ground: f64| {
+        let mut mesh = Mesh::default();
+        face(&mut mesh, &[at(0., 0., 0.), at(1., 0., 0.), at(1., 1., 0.), at(0., 1., 0.)], 0);
+        face(&mut mesh, &[at(0., 0., gap), at(0., 1., gap), at(1., 1., gap), at(1., 0., gap)], 0);
+        let g = ground;
+        face(&mut mesh, &[at(-g, -g, -1.), at(g, -g, -1.), at(g, g, -1.), at(-g, g, -1.)], 0);
+        let told = gray(mesh).warnings;
+        told.into_iter().find(|warning| matches!(warning, Warning::ClosedGaps(_)))
+    };
+    assert_eq!(plates(1e-4, 50.0), Some(Warning::ClosedGaps(4)));
+    assert_eq!(plates(1e-4, 5.0), None, "they are two");
+    assert_eq!(plates(1e-7, 50.0), None, "that is rounding");
+}
+
 /// The square −1…1 at height 0, lit from above.
 fn floor() -> Mesh {
     let mut mesh = Mesh::default();

@@ -2,7 +2,7 @@
 //!
 //! A round solves on the mesh at hand, estimates ‖B − B̃‖/‖B̃ − B⁰‖, and, if that is too much, refines the cells that
 //! indicate the greatest errors, as often as it is predicted to take (`marking`); or it builds a stricter operator on the same
-//! mesh, if that is what is wrong. Indicators are those of
+//! mesh, if that is what is wrong; as long as the error is far from what is asked for, operators are looser (`strictness`). Indicators are those of
 //! [`local_error`](radiosity::local_error), raised where the points of the estimate saw more. Everything that the mesh decides follows by itself:
 //! elements become small where a shadow's border passes and towards the edges of rooms. Only borders narrower than the
 //! first elements are cut into them beforehand (`borders`).
@@ -29,6 +29,7 @@
 mod borders;
 mod focus;
 mod marking;
+mod strictness;
 
 pub use focus::{Focus, NothingInFocus};
 
@@ -42,18 +43,8 @@ use crate::visibility::Bvh;
 use borders::with_sharp_borders;
 use marking::Marking;
 use std::time::{Duration, Instant};
+use strictness::Strictness;
 
-/// The operator's tolerance is no looser than this.
-const OPERATOR_LOOSEST: f64 = 0.1;
-/// If more than this of the estimate may be the operator's error, the operator is to blame, and is made so many times stricter
-/// instead of refining; unless the last time did not bring its error down to this share.
-const BLAMED: f64 = 0.6;
-const STRICTER: f64 = 2.0;
-/// While far from what is asked for, an operator keeps to what the next mesh may come to: in the first round so many times what it
-/// keeps to in the end, and later such a part of the last estimate.
-const FIRST: f64 = 4.0;
-const NEXT: f64 = 0.25;
-const WORTHWHILE: f64 = 0.7;
 /// Of a residual seen at a cell's points, as much of its square is believed of the cell at least.
 const BELIEVED: f64 = 0.25;
 
@@ -147,30 +138,30 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
         scene = in_focus(scene, focus, options);
     }
     let blockers = Bvh::of_surfaces(&scene.surfaces);
-    let (mut rounds, mut marking, mut strictness) = (Vec::new(), Marking::new(), Strictness::default());
-    let mut parents = Vec::new();
+    let (mut rounds, mut marking, mut parents) = (Vec::new(), Marking::new(), Vec::new());
+    // Without an estimate the first operator is the last.
+    let mut strictness = Strictness::new(options.tolerance, settings.error_points > 0);
     loop {
         let started = Instant::now();
-        let asked = options.tolerance / strictness.factor;
+        let asked = strictness.asked();
         let strengths = radiosity::strengths(&scene, &blockers);
         let (kind, why) = options.solve.operator.chosen(&problem(&scene, &blockers, &strengths, options, asked));
-        let loosest = (kind.looseness * options.tolerance * strictness.ahead).min(OPERATOR_LOOSEST);
-        (settings.operator, settings.tolerance) = (kind, loosest / strictness.factor);
+        (settings.operator, settings.tolerance) = (kind, strictness.tolerance([kind.looseness, kind.slack]));
         let mut system = System::of_cells(scene, &settings, progress)?;
         system.operator_reason = why;
         let Found { solved, estimated, importance } = solved_in_focus(&system, &settings, options, progress)?;
         let estimate = estimated.as_ref().map_or(0.0, |estimated| estimated.error.relative);
         let elements = solved.solution.space.cells();
         rounds.push(Round { elements, unknowns: solved.unknowns, estimate, time: started.elapsed() });
+        if estimated.as_ref().is_some_and(|estimated| strictness.is_raised_for(estimated.error.operator, estimate)) {
+            scene = system.scene;
+            continue;
+        }
         let too_much = estimate.is_nan() || estimate > options.tolerance;
         let Some(estimated) = estimated.filter(|_| too_much) else {
             return Ok(Adapted { system, solved, rounds, reached: true });
         };
-        if strictness.is_raised_for(estimated.error.operator, estimate) {
-            scene = system.scene;
-            continue;
-        }
-        strictness.come_to(estimate / options.tolerance);
+        strictness.come_to(estimate);
         let squares = error_squares(&solved.solution, &estimated, importance.as_deref());
         marking.learn(&squares, &parents);
         // Predictions are pessimistic: what came was 0.7 to 0.9 of them on the sample scenes.
@@ -179,6 +170,7 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
         let planned = most.min((kind.growth * elements as f64).ceil() as usize);
         match finer_mesh(&solved.solution.scene, squares, &mut marking, goal, [planned, most]) {
             Some(finer) => (scene, parents) = finer,
+            None if strictness.ends_its_slack() => scene = system.scene,
             None => return Ok(Adapted { system, solved, rounds, reached: false }),
         }
     }
@@ -214,41 +206,6 @@ fn solved_in_focus(
     };
     let (solved, estimated) = system.solved_within(settings, options.tolerance, within, progress)?;
     Ok(Found { solved, estimated, importance })
-}
-
-/// How many times stricter the operator is than what is asked for needs, how many times looser it may be for now, and its error when
-/// it was made stricter last.
-struct Strictness {
-    factor: f64,
-    ahead: f64,
-    error: f64,
-}
-
-impl Default for Strictness {
-    fn default() -> Self {
-        Self { factor: 1.0, ahead: FIRST, error: f64::INFINITY }
-    }
-}
-
-impl Strictness {
-    /// Raises it if the operator is to blame for an estimate.
-    fn is_raised_for(&mut self, operator: f64, estimate: f64) -> bool {
-        let to_blame = operator > BLAMED * estimate && operator < WORTHWHILE * self.error;
-        if to_blame && self.ahead > 1.0 {
-            self.ahead = (self.ahead / STRICTER).max(1.0);
-        } else if to_blame {
-            *self = Self { factor: STRICTER * self.factor, error: operator, ..*self };
-        }
-        to_blame
-    }
-
-    /// Sees to the next mesh after an estimate of so many times what is asked for.
-    fn come_to(&mut self, times: f64) {
-        // No number says nothing.
-        if times.is_finite() {
-            self.ahead = (NEXT * times).clamp(1.0, self.ahead);
-        }
-    }
 }
 
 /// What an operator is to be chosen for, if the light is asked to a tolerance.
@@ -360,35 +317,4 @@ fn error_squares(solution: &Solution, estimated: &Estimated, importance: Option<
 /// ∫ of the square of an indicator.
 fn total(solution: &Solution, indicated: &[f64]) -> f64 {
     indicated.iter().enumerate().map(|(cell, e)| e * e * solution.scene.mesh.patch(cell).area()).sum()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_operator_is_made_stricter_where_it_is_to_blame_and_where_that_helped_before() {
-        let mut strictness = Strictness { ahead: 1.0, ..Strictness::default() };
-        assert!(!strictness.is_raised_for(0.004, 0.01), "most of it is the elements'");
-        assert!(strictness.is_raised_for(0.008, 0.01));
-        assert!(!strictness.is_raised_for(0.0075, 0.01), "it did not help");
-        assert!(strictness.is_raised_for(0.004, 0.005), "it helped, and is to blame again");
-        assert!((strictness.factor - STRICTER * STRICTER).abs() < 1e-12);
-        assert!(!strictness.is_raised_for(f64::NAN, 0.01));
-    }
-
-    #[test]
-    fn an_operator_becomes_as_strict_as_what_is_asked_for_needs_and_then_stricter() {
-        let mut strictness = Strictness::default();
-        strictness.come_to(100.0);
-        assert!((strictness.ahead - FIRST).abs() < 1e-12);
-        strictness.come_to(6.0);
-        assert!((strictness.ahead - 1.5).abs() < 1e-12);
-        for factor in [1.0, STRICTER] {
-            assert!(strictness.is_raised_for(0.1, 0.12));
-            assert!((strictness.ahead - 1.0).abs() < 1e-12 && (strictness.factor - factor).abs() < 1e-12);
-        }
-        strictness.come_to(100.0);
-        assert!((strictness.ahead - 1.0).abs() < 1e-12, "it does not become looser again");
-    }
 }

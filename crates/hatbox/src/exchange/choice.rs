@@ -24,6 +24,8 @@ const PARTIAL: f64 = 100e-6;
 /// city.
 const PARTIAL_LIT: f64 = 800e-6;
 const RAY: f64 = 1e-6;
+/// What a clear pair takes besides if every cell is a face of its own, as on a terrain: what stands between is then asked for each.
+const ALONE: f64 = 5e-6;
 /// CPU seconds of a byte of the table of all pairs: to fill it, and to read it in some twenty products. A guess from one scene, a
 /// room with a sphere of very many faces, of which none sees another.
 const BYTE: f64 = 5e-9;
@@ -38,6 +40,7 @@ pub static AUTO: Kind = Kind {
     name: "auto",
     summary: "all pairs if they take few seconds or less than rays, and fit into the memory; else rays",
     looseness: 1.0,
+    slack: 1.0,
     growth: 2.0,
     most_coefficients: 200_000,
     build: |geometry, params, progress| (choose(&Problem::of(geometry, params)).0.build)(geometry, params, progress),
@@ -86,7 +89,9 @@ pub fn choose(problem: &Problem<'_>) -> (&'static Kind, String) {
     let pairs = 0.5 * (mesh.cells.len() as f64).powi(2);
     let [clear, partial, lit] = shares(problem);
     let entries = (problem.coefficients as f64 / mesh.cells.len() as f64 / 3.0).powi(2);
-    let all_pairs = BYTE * bytes as f64 + pairs * (CLEAR * entries * clear + PARTIAL * partial + PARTIAL_LIT * lit);
+    let alone = (problem.scene.surfaces.len() as f64 / mesh.cells.len() as f64).min(1.0);
+    let clear = (CLEAR * entries + ALONE * alone) * clear;
+    let all_pairs = BYTE * bytes as f64 + pairs * (clear + PARTIAL * partial + PARTIAL_LIT * lit);
     let rays = RAY * mesh.cells.len() as f64 * f64::from(sampled::rays_for(problem.tolerance, 1.0));
     let [seconds, with_rays] = [all_pairs, rays].map(|seconds| format!("{:.0} CPU seconds", seconds.max(1.0)));
     let hidden = format!("{:.0} % of them partly hidden", 100.0 * (partial + lit));

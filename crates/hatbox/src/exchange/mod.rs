@@ -248,6 +248,8 @@ pub struct Kind {
     /// tolerance makes it stricter). The error of rays is a third to two thirds of what they are asked for
     /// (`cargo bench -p hatbox --bench operators`), and elements have to be left the greater part of the error. That of `auto` is that of the kind it [chooses](Self::chosen).
     pub looseness: f64,
+    /// How many times looser it may be while the error of the mesh is far from what is asked for: 1 where that spares little.
+    pub slack: f64,
     /// How many times the elements of the last mesh one is planned to have that is to follow the light: the less, the better they
     /// lie and the more meshes it takes. (Neighbours that are halved as well come on top.) Where rays are cast again
     /// each time, doubling is cheaper; where all pairs are integrated, small steps mostly end with fewer
@@ -265,6 +267,7 @@ pub const ALL: &[Kind] = &[
         name: Dense::NAME,
         summary: "all pairs, stored; the reference, without noise, up to about 20 000 unknowns",
         looseness: 5.0,
+        slack: 1.0,
         growth: 1.25,
         most_coefficients: 20_000,
         build: |geometry, params, progress| Ok(Box::new(Dense::new(geometry, params, progress)?)),
@@ -273,6 +276,7 @@ pub const ALL: &[Kind] = &[
         name: Hierarchical::NAME,
         summary: "links between clusters that see each other, rays for the rest; time and memory grow like the elements",
         looseness: 0.5,
+        slack: 4.0,
         growth: 2.0,
         most_coefficients: 200_000,
         build: |geometry, params, progress| Ok(Box::new(Sampled::linked(geometry, params, progress)?)),
@@ -281,6 +285,7 @@ pub const ALL: &[Kind] = &[
         name: Sampled::NAME,
         summary: "cosine rays from every element and exact light from lamps; time and memory grow like the elements",
         looseness: 0.5,
+        slack: 4.0,
         growth: 2.0,
         most_coefficients: 200_000,
         build: |geometry, params, progress| Ok(Box::new(Sampled::new(geometry, params, progress)?)),

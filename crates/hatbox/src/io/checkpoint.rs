@@ -20,7 +20,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The first bytes of such a file; its format has a number.
-const MAGIC: [u8; 8] = *b"hatbox\0\x04";
+const MAGIC: [u8; 8] = *b"hatbox\0\x05";
 /// Bytes of the header, and of what precedes the bytes of a step.
 const HEADER: usize = 16;
 const RECORD: usize = 32;

@@ -14,6 +14,10 @@ use rustc_hash::FxHashMap;
 /// The welding tolerance relative to the diagonal of the bounding box. Files store positions as `f32` (relative
 /// precision 6e-8), often after a transformation; this is a dozen times coarser.
 pub const RELATIVE_TOLERANCE: f64 = 1e-6;
+/// Corners that merging moves by more than this part of the shortest edge, and farther than files in single precision are off after
+/// a transformation or two, are worth a word.
+const VISIBLE: f64 = 1e-5;
+const ROUNDING: f64 = 4e-7;
 
 impl Mesh {
     /// The diagonal of the box around the finite vertices, in metres; zero without any.
@@ -33,7 +37,11 @@ impl Mesh {
     /// with one repeated corner becomes a triangle. Vertices that no cell uses are left out.
     #[must_use]
     pub fn welded(&self, tolerance: f64) -> (Self, usize) {
-        let merged = self.merged_vertices(tolerance);
+        self.welded_as(&self.merged_vertices(tolerance), tolerance)
+    }
+
+    /// The same, if it is known which vertices are merged.
+    pub(crate) fn welded_as(&self, merged: &[u32], tolerance: f64) -> (Self, usize) {
         let mut builder = Builder::like(self);
         let mut dropped = 0;
         for (index, cell) in self.cells.iter().enumerate() {
@@ -78,6 +86,23 @@ impl Mesh {
             }
         }
         merged
+    }
+
+    /// Corners of cells that merging moves by more than rounding of coordinates explains, and by more than shows on the cell.
+    pub(crate) fn moved_corners(&self, merged: &[u32], tolerance: f64) -> usize {
+        let at = |vertex: u32| self.vertices[vertex as usize];
+        let of = |cell: &Cell| {
+            let corners = cell.corners();
+            let edges = corners.iter().zip(corners.iter().cycle().skip(1)).map(|(&a, &b)| at(a).distance(at(b)));
+            // What is no longer than the tolerance vanishes, which is told elsewhere.
+            let size = edges.filter(|&edge| edge > tolerance).fold(f64::INFINITY, f64::min);
+            let is_moved = |&&vertex: &&u32| {
+                let (from, to) = (at(vertex), at(merged[vertex as usize]));
+                from.distance(to) > (VISIBLE * size).max(ROUNDING * from.abs().max_element())
+            };
+            corners.iter().filter(is_moved).count()
+        };
+        self.cells.iter().map(of).sum()
     }
 
     /// Leaves out the vertices that no cell uses; the others keep their order.

@@ -428,7 +428,7 @@ impl<'a> Measure<'a> {
     /// ‖p‖² and ⟨r, p⟩ within, per band.
     fn propagated(&self, samples: &[Sample], progress: &dyn Progress) -> Result<Vec<[f64; 2]>, SolveError> {
         let mut residual = self.taken.clone();
-        residual.add_scaled(1.0, &part_means(self.system, samples, &self.light));
+        residual.add_scaled(1.0, &part_means(self.system, samples, &self.light, self.sampling.within));
         let p = self.system.reflections(&residual, progress)?;
         let [square, product] = [&p, &residual].map(|other| self.products_within(&p, other));
         Ok(square.into_iter().zip(product).map(|(square, product)| [square, product]).collect())

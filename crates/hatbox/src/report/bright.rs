@@ -11,10 +11,10 @@ use std::collections::BTreeMap;
 const MOST: f64 = 0.9;
 /// Names that are listed.
 const NAMES: usize = 3;
-/// The middle of a triangle.
-const MIDDLE: [f64; 2] = [1.0 / 3.0, 1.0 / 3.0];
+/// The middle of a triangle, and a point of a quad.
+const INSIDE: [f64; 2] = [1.0 / 3.0, 1.0 / 3.0];
 
-/// Where nine tenths of ‖B̃ − B⁰‖² are, taken as they are the brightest.
+/// Where nine tenths of ‖B̃ − B⁰‖² are, the brightest first.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BrightReport {
     /// The share of the area.
@@ -24,8 +24,8 @@ pub struct BrightReport {
 }
 
 impl BrightReport {
-    /// From the middles of the cells; all bands count alike.
-    pub(super) fn new(solution: &Solution) -> Self {
+    /// From the middles of the cells; all bands count alike. `None` where nothing is reflected.
+    pub(super) fn new(solution: &Solution) -> Option<Self> {
         let mesh = &solution.scene.mesh;
         let areas: Vec<f64> = (0..mesh.cells.len()).map(|cell| mesh.patch(cell).area()).collect();
         let mut density = vec![0.0; areas.len()];
@@ -39,6 +39,9 @@ impl BrightReport {
         let mut cells: Vec<usize> = (0..areas.len()).collect();
         cells.sort_by(|&a, &b| density[b].total_cmp(&density[a]));
         let total: f64 = density.iter().zip(&areas).map(|(density, area)| density * area).sum();
+        if total.is_nan() || total <= 0.0 {
+            return None;
+        }
         let (mut sum, mut area, mut objects) = (0.0, 0.0, BTreeMap::<u32, f64>::new());
         for cell in cells {
             if sum >= MOST * total {
@@ -50,13 +53,13 @@ impl BrightReport {
         }
         let mut objects: Vec<(u32, f64)> = objects.into_iter().collect();
         objects.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let name = |&(group, _): &(u32, f64)| mesh.groups.get(group as usize).cloned().unwrap_or_default();
-        Self { area: area / areas.iter().sum::<f64>(), objects: objects.iter().take(NAMES).map(name).collect() }
+        let name = |&(group, _): &(u32, f64)| mesh.groups[group as usize].clone();
+        Some(Self { area: area / areas.iter().sum::<f64>(), objects: objects.iter().take(NAMES).map(name).collect() })
     }
 }
 
-/// B̃ − B⁰ in the middle of a cell.
+/// R E about the middle of a cell. (B̃ − B⁰ would have what projection errs by on lamps with textures.)
 fn light(solution: &Solution, cell: usize, band: usize) -> f64 {
-    let site = solution.scene.site(cell, MIDDLE);
-    solution.evaluate(Shown::Radiosity, cell, MIDDLE, band) - solution.scene.material(cell).exitance.at(&site, band)
+    let site = solution.scene.site(cell, INSIDE);
+    solution.scene.material(cell).reflectance.at(&site, band) * solution.evaluate(Shown::Irradiance, cell, INSIDE, band)
 }

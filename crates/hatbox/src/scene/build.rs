@@ -9,6 +9,7 @@ use super::{Camera, Material, Physics, Quantity, Scene, Surface};
 use crate::element::{Basis, Shape};
 use crate::mesh::{Bisected, Builder, Cell, Corner, Layers, Line, Lit, Mesh, RefineError, Refinement, Split};
 use glam::DVec3;
+use rustc_hash::FxHashMap;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
@@ -107,6 +108,8 @@ pub enum Warning {
     Layers(usize),
     /// Of what was left out of them, so many faces shine.
     HiddenLamps(usize),
+    /// So many corners of faces were moved onto others by more than rounding.
+    ClosedGaps(usize),
 }
 
 impl fmt::Display for Warning {
@@ -122,6 +125,11 @@ impl fmt::Display for Warning {
             Self::Contacts(n) => write!(f, "split {n} faces along the lines in which others touch or cross them"),
             Self::Layers(1) => f.write_str("left out what of a face lies under others that look the same way"),
             Self::Layers(n) => write!(f, "left out what of {n} faces lies under others that look the same way"),
+            Self::ClosedGaps(n) => write!(
+                f,
+                "took {n} corners of faces for others near them: gaps narrower than a millionth of the scene's size are closed; \
+                 widen them, or leave out what makes the scene so large"
+            ),
             Self::HiddenLamps(1) => f.write_str("a face that shines lies under others; `hatbox check` says where"),
             Self::HiddenLamps(n) => write!(f, "{n} faces that shine lie under others; `hatbox check` says where"),
         }
@@ -148,7 +156,9 @@ impl Scene {
         check_mesh(&mesh, materials.len())?;
         let bands = check_materials(&materials)?;
         let (faces, tolerance) = (mesh.cells.len(), mesh.tolerance());
-        let (mesh, degenerate) = mesh.welded(tolerance);
+        let merged = mesh.merged_vertices(tolerance);
+        let closed = mesh.moved_corners(&merged, tolerance);
+        let (mesh, degenerate) = mesh.welded_as(&merged, tolerance);
         if mesh.cells.is_empty() {
             return Err(SceneError::NoArea(faces));
         }
@@ -175,6 +185,7 @@ impl Scene {
             (contacts, Warning::Contacts(contacts)),
             (layers.faces(), Warning::Layers(layers.faces())),
             (lamps, Warning::HiddenLamps(lamps)),
+            (closed, Warning::ClosedGaps(closed)),
         ];
         let warnings = warnings.into_iter().filter(|&(n, _)| n > 0).map(|(_, warning)| warning).collect();
         let (mesh, surfaces) = (Arc::new(mesh), surfaces.into());
@@ -260,8 +271,17 @@ impl Scene {
 
     /// For each material the first that is the same.
     pub(crate) fn alike(&self) -> Vec<u32> {
-        let count = self.materials.len() as u32;
-        (0..count).map(|a| (0..a).find(|&b| self.same_material(a, b)).unwrap_or(a)).collect()
+        let mut first = FxHashMap::default();
+        let of = |(material, index): (&Material, u32)| {
+            let numbers = [&material.reflectance, &material.exitance].into_iter().flat_map(|quantity| {
+                // Adding 0 makes −0 the same.
+                (0..self.bands).map(|band| quantity.uniform(band).map(|value| (value + 0.0).to_bits()))
+            });
+            // What varies is like nothing else.
+            let uniform: Option<Vec<u64>> = numbers.collect();
+            uniform.map_or(index, |uniform| *first.entry(uniform).or_insert(index))
+        };
+        self.materials.iter().zip(0..).map(of).collect()
     }
 
     /// Whether two materials reflect and emit the same everywhere.
@@ -443,5 +463,38 @@ fn push_sides(builder: &mut Builder, mesh: &Mesh, cells: &[usize], surface: usiz
         let corners = &mut corners[..cell.shape.corners()];
         corners[1..].reverse();
         builder.push(&cell, corners);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn materials_are_alike_as_pairs_of_them_are() {
+        let of = |reflectance: Quantity, exitance: f64| Material {
+            reflectance,
+            exitance: Quantity::gray(exitance),
+            ..Material::diffuse("", 0.5)
+        };
+        let colour = |last: f64| Quantity::Uniform(vec![0.5, 0.5, last]);
+        let painted = || Quantity::function(|_, _| 0.5);
+        let materials = vec![
+            of(painted(), 0.0),
+            of(Quantity::gray(0.5), 0.0),
+            of(painted(), 0.0),
+            of(colour(0.4), 0.0),
+            of(colour(0.5), -0.0),
+            of(colour(0.4), 1.0),
+            of(colour(0.4), 0.0),
+        ];
+        let corner = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+        let cell = Cell { shape: Shape::Triangle, vertices: [0, 1, 2, 2], material: 0, group: 0, surface: 0 };
+        let vertices = vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0)];
+        let mesh = Mesh { vertices, cells: vec![cell], groups: vec![String::new()], ..Mesh::default() };
+        let scene = Scene::new(mesh, materials, Physics::Light, None).expect("valid");
+        assert_eq!(scene.alike(), [0, 1, 2, 3, 1, 5, 3]);
+        let by_pairs = (0..7).map(|a| (0..a).find(|&b| scene.same_material(a, b)).unwrap_or(a));
+        assert_eq!(scene.alike(), by_pairs.collect::<Vec<_>>());
     }
 }

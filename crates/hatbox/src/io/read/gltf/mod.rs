@@ -125,7 +125,8 @@ impl Reader<'_> {
         let Some(mesh) = node.mesh else { return Ok(()) };
         let mesh = self.document.get(mesh, place)?;
         if node.skin.is_some() {
-            self.warnings.push(self.document.warning(place, "its skin is ignored: the place and the size of its vertices may be others; export it with its pose applied"));
+            let text = "its skin is ignored, and its place and size may be wrong; export it with its pose applied";
+            self.warnings.push(self.document.warning(place, text));
         }
         let name = node.name.as_ref().or(mesh.name.as_ref());
         let name = name.map_or_else(|| format!("node {}", index.value()), String::clone);

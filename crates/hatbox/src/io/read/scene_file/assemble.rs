@@ -57,7 +57,7 @@ fn open(source: &Source<'_>, entry: &MeshEntry) -> Result<(RawScene, bool), Read
 /// Makes all faces of a mesh of one material, of which nothing is known but its name.
 fn of_one_material(source: &Source<'_>, part: &mut RawScene, name: &str) {
     let text = format!("nothing says what material `{name}` is: reflectance {DEFAULT_REFLECTANCE} is assumed");
-    let warning = format!("{}: {text}; set it in [material.{name:?}]", source.file.display());
+    let warning = format!("{}: {text}; set it in a table [material.NAME]", source.file.display());
     part.materials = vec![Material::diffuse(name, DEFAULT_REFLECTANCE)];
     part.mesh.cells.iter_mut().for_each(|cell| cell.material = 0);
     let guessed = std::mem::replace(&mut part.guessed, vec![[name.to_owned(), warning.clone()]]);
