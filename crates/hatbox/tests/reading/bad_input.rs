@@ -165,6 +165,7 @@ fn scene_file_errors_underline_the_value() {
         ("scale = [1, 0, 1]", "[1, 0, 1]", ["line 3", "scaled"]),
         ("translate = [nan, 0, 0]", "[nan, 0, 0]", ["line 3", "finite"]),
         ("rotate = { axis = [0, 0, 0], degrees = 9 }", "[0, 0, 0]", ["line 3", "direction"]),
+        ("material = '*'", "'*'", ["line 3", "no name of a material"]),
         ("[camera]\neye = [0, 0, 0]\ntarget = [0, 2, 0]\nfov = 40", "[0, 2, 0]", ["line 5", "up direction"]),
         ("[camera]\neye = [0, 0, 0]\ntarget = [0, 0, 1]\nfov = 180", "180", ["line 6", "180°"]),
     ] {

@@ -1,6 +1,7 @@
 //! The meshes of a scene file, read and put in place.
 
 use super::Source;
+use super::material::ALL;
 use super::schema::{MeshEntry, Rotation, Scale};
 use crate::io::read::builder::normal_matrix;
 use crate::io::read::{DEFAULT_REFLECTANCE, Format, RawScene, ReadError, files, read_raw};
@@ -8,6 +9,7 @@ use crate::mesh::Mesh;
 use crate::scene::{Camera, Material, Physics};
 use glam::{DMat4, DQuat, DVec3};
 use std::path::Path;
+use toml::Spanned;
 
 /// Reads every mesh and joins them; `metres` is the file's unit of length.
 pub(super) fn meshes(source: &Source<'_>, entries: &[MeshEntry], metres: f64) -> Result<RawScene, ReadError> {
@@ -26,7 +28,7 @@ pub(super) fn meshes(source: &Source<'_>, entries: &[MeshEntry], metres: f64) ->
     for entry in entries {
         let (mut part, in_metres) = open(source, entry)?;
         if let Some(name) = &entry.material {
-            of_one_material(source, &mut part, name);
+            of_one_material(source, &mut part, name)?;
         }
         let unit = match &entry.unit {
             Some(unit) => source.metres(unit)?,
@@ -55,14 +57,20 @@ fn open(source: &Source<'_>, entry: &MeshEntry) -> Result<(RawScene, bool), Read
 }
 
 /// Makes all faces of a mesh of one material, of which nothing is known but its name.
-fn of_one_material(source: &Source<'_>, part: &mut RawScene, name: &str) {
+fn of_one_material(source: &Source<'_>, part: &mut RawScene, spanned: &Spanned<String>) -> Result<(), ReadError> {
+    let name = spanned.get_ref();
+    if name.is_empty() || name == ALL {
+        let reason = format!("`{name}` is no name of a material");
+        return Err(source.error(spanned.span(), "mesh material", reason, "give it a name of its own"));
+    }
     let text = format!("nothing says what material `{name}` is: reflectance {DEFAULT_REFLECTANCE} is assumed");
     let warning = format!("{}: {text}; set it in a table [material.NAME]", source.file.display());
     part.materials = vec![Material::diffuse(name, DEFAULT_REFLECTANCE)];
     part.mesh.cells.iter_mut().for_each(|cell| cell.material = 0);
-    let guessed = std::mem::replace(&mut part.guessed, vec![[name.to_owned(), warning.clone()]]);
+    let guessed = std::mem::replace(&mut part.guessed, vec![[name.clone(), warning.clone()]]);
     part.warnings.retain(|warning| guessed.iter().all(|[_, text]| text != warning));
     part.warnings.push(warning);
+    Ok(())
 }
 
 /// Scale, then rotation, then translation; the mesh's own unit comes first.

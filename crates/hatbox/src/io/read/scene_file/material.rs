@@ -13,7 +13,7 @@ use std::sync::Arc;
 use toml::Spanned;
 
 /// The name that stands for all materials.
-const ALL: &str = "*";
+pub(super) const ALL: &str = "*";
 
 /// Lays the tables over the scene's materials: first `"*"`, then the named ones.
 pub(super) fn apply(

@@ -46,7 +46,7 @@ pub(super) struct MeshEntry {
     pub(super) file: Spanned<String>,
     #[serde(default)]
     pub(super) prefix: String,
-    pub(super) material: Option<String>,
+    pub(super) material: Option<Spanned<String>>,
     pub(super) unit: Option<Spanned<Length>>,
     pub(super) scale: Option<Spanned<Scale>>,
     pub(super) rotate: Option<Rotation>,
