@@ -48,6 +48,14 @@ impl Shape {
         }
     }
 
+    /// Reference coordinates of the middle.
+    pub const fn middle(self) -> [f64; 2] {
+        match self {
+            Self::Triangle => [1.0 / 3.0, 1.0 / 3.0],
+            Self::Quad => [0.5, 0.5],
+        }
+    }
+
     /// The point of the reference cell that two uniform numbers choose, uniformly.
     pub fn uniform(self, [u, v]: [f64; 2]) -> [f64; 2] {
         match self {

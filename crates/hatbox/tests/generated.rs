@@ -67,13 +67,15 @@ fn every_kind_is_solved_by_rays() {
 }
 
 /// Among many small things all pairs take minutes, more so if they shine, in an empty room seconds, and none where memory is
-/// short. Faces of a ball do not see each other, but all their pairs are a large table.
+/// short. Faces of a ball do not see each other, but all their pairs are a large table; those of a hollow one do, each for itself.
 #[test]
 fn rays_are_chosen_where_much_is_partly_hidden() {
     let clutter = scene(kinds::ALL.iter().find(|kind| kind.name == "clutter").expect("a kind"), 500).0;
     let cube = read_scene(std::path::Path::new("../../scenes/cube.toml")).expect("a sample").0;
-    let (ball, gray) = (meshes::icosphere(5), vec![Material::diffuse("gray", 0.5)]);
-    let ball = Scene::new(ball, gray, Physics::Light, None).expect("a valid scene");
+    let gray = |mesh| Scene::new(mesh, vec![Material::diffuse("gray", 0.5)], Physics::Light, None).expect("valid");
+    let (ball, mut hollow) = (gray(meshes::icosphere(5)), meshes::icosphere(4));
+    hollow.cells.iter_mut().for_each(|cell| cell.vertices.swap(0, 1));
+    let hollow = gray(hollow);
     let chosen = |scene: &Scene, elements: usize, memory: usize, strength: f64| {
         let scene = scene.refined(Refinement::Elements(elements), Options::default().basis).expect("refined");
         let blockers = Bvh::of_surfaces(&scene.surfaces);
@@ -90,6 +92,7 @@ fn rays_are_chosen_where_much_is_partly_hidden() {
         (&cube, 4000, 1 << 20, 1.0, exchange::Sampled::NAME, "MB allowed"),
         (&cube, 60_000, 400 << 30, 1.0, exchange::Sampled::NAME, "CPU seconds, rays"),
         (&ball, 1, 400 << 30, 1.0, exchange::Sampled::NAME, "0 % of them partly hidden, would take"),
+        (&hollow, 1, 8 << 30, 1.0, exchange::Sampled::NAME, "0 % of them partly hidden, would take"),
     ] {
         let (kind, why) = chosen(scene, elements, memory, strength);
         assert_eq!(kind.name, expected, "{elements} {memory}: {why}");

@@ -2,9 +2,9 @@
 //!
 //! A round solves on the mesh at hand, estimates ‖B − B̃‖/‖B̃ − B⁰‖, and, if that is too much, refines the cells that
 //! indicate the greatest errors, as often as it is predicted to take (`marking`); or it builds a stricter operator on the same
-//! mesh, if that is what is wrong; as long as the error is far from what is asked for, operators are looser (`strictness`). Indicators are those of
-//! [`local_error`](radiosity::local_error), raised where the points of the estimate saw more. Everything that the mesh decides follows by itself:
-//! elements become small where a shadow's border passes and towards the edges of rooms. Only borders narrower than the
+//! mesh, if that is what is wrong; as long as the error is far from what is asked for, operators are looser (`strictness`).
+//! Indicators are those of [`local_error`](radiosity::local_error), raised where the points of the estimate saw more. Everything
+//! that the mesh decides follows by itself: elements become small where a shadow's border passes and towards the edges of rooms. Only borders narrower than the
 //! first elements are cut into them beforehand (`borders`).
 //!
 //! A first mesh that is graded towards the edges of faces is the user's choice. To grade it always was tried: in

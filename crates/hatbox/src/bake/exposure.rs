@@ -1,4 +1,3 @@
-use crate::element::Shape;
 use crate::radiosity::{Shown, Solution};
 
 /// What a reflecting surface brighter than nine tenths of the others is shown as, in linear display values.
@@ -78,10 +77,7 @@ pub fn percentile(solution: &Solution, shown: Shown, fraction: f64) -> f64 {
 /// Luminance in the middle of a cell, and the cell's area.
 fn sample(solution: &Solution, shown: Shown, cell: usize) -> (f64, f64) {
     let patch = solution.scene.mesh.patch(cell);
-    let middle = match patch.shape() {
-        Shape::Triangle => [1.0 / 3.0, 1.0 / 3.0],
-        Shape::Quad => [0.5, 0.5],
-    };
+    let middle = patch.shape().middle();
     let bands: Vec<f64> = (0..solution.bands()).map(|band| solution.evaluate(shown, cell, middle, band)).collect();
     (luminance(rgb(&bands)), patch.area())
 }

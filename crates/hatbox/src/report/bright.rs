@@ -11,8 +11,6 @@ use std::collections::BTreeMap;
 const MOST: f64 = 0.9;
 /// Names that are listed.
 const NAMES: usize = 3;
-/// The middle of a triangle, and a point of a quad.
-const INSIDE: [f64; 2] = [1.0 / 3.0, 1.0 / 3.0];
 
 /// Where nine tenths of ‖B̃ − B⁰‖² are, the brightest first.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -58,8 +56,9 @@ impl BrightReport {
     }
 }
 
-/// R E about the middle of a cell. (B̃ − B⁰ would have what projection errs by on lamps with textures.)
+/// R E in the middle of a cell. (B̃ − B⁰ would have what projection errs by on lamps with textures.)
 fn light(solution: &Solution, cell: usize, band: usize) -> f64 {
-    let site = solution.scene.site(cell, INSIDE);
-    solution.scene.material(cell).reflectance.at(&site, band) * solution.evaluate(Shown::Irradiance, cell, INSIDE, band)
+    let middle = solution.scene.mesh.cells[cell].shape.middle();
+    let site = solution.scene.site(cell, middle);
+    solution.scene.material(cell).reflectance.at(&site, band) * solution.evaluate(Shown::Irradiance, cell, middle, band)
 }
