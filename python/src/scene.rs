@@ -182,7 +182,7 @@ impl Scene {
 }
 
 /// Functions leave the number of bands open; whoever gave them knows it.
-pub(crate) fn with_bands(mut scene: scene::Scene, bands: usize) -> scene::Scene {
+fn with_bands(mut scene: scene::Scene, bands: usize) -> scene::Scene {
     scene.bands = scene.bands.max(bands);
     scene
 }

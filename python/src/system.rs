@@ -5,7 +5,7 @@ use crate::error::{exception, unknown};
 use crate::functions::basis;
 use crate::quantity::{Fault, Given};
 use crate::run::{quickly, run};
-use crate::scene::{Scene, repainted, with_bands};
+use crate::scene::{Scene, repainted};
 use crate::solution::Solution;
 use hatbox::adapt::{self, Adapted, Focus};
 use hatbox::assemble::{self, Accuracy};
@@ -186,7 +186,7 @@ impl System {
         let materials = repainted(&self.given, reflectance, exitance, &self.fault);
         let mut system = (*self.inner).clone();
         system.set_materials(materials.clone(), self.options.continuity).map_err(exception)?;
-        system.scene = with_bands(system.scene, bands);
+        system.raise_bands(bands);
         let given = scene::Scene { materials, bands: system.scene.bands, ..(*self.given).clone() };
         let fault = Arc::clone(&self.fault);
         Ok(Self {

@@ -74,7 +74,7 @@ pub(crate) struct SolveArgs {
     #[arg(long, value_name = "T", default_value = "2%", value_parser = options::tolerance)]
     pub(crate) tolerance: f64,
     /// Stop refining before a band has more coefficients (3 for a linear element) [default: 20000 with --operator dense,
-    /// which takes 4 N² bytes, else 200000]
+    /// which takes 4 N² bytes, else 1000000 or twice those of the first mesh]
     #[arg(long, value_name = "N", value_parser = options::count)]
     pub(crate) max_unknowns: Option<usize>,
     /// Where the error counts: a material, an object, or a box X,Y,Z;X,Y,Z. Elsewhere only as far as it matters there

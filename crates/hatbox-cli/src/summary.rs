@@ -6,7 +6,7 @@ use crate::commands::factors::{Closure, Done as Factors};
 use crate::commands::solve::Done;
 use crate::style::Style;
 use hatbox::exchange::GREATEST_DEFICIT;
-use hatbox::report::Report;
+use hatbox::report::{Report, RoundReport};
 use hatbox::view_factors::{Estimate, RowCheck, ViewFactors};
 use std::fmt::Write as _;
 use std::path::Path;
@@ -215,8 +215,11 @@ fn error(lines: &mut Lines, report: &Report) {
         lines.more(&format!("asked: {asked}, reached in {}", several(adaptivity.rounds.len() as u64, "round")));
     } else {
         let most = adaptivity.most_coefficients;
+        let elements = |round: Option<&RoundReport>| round.map(|round| round.elements);
+        let is_first = elements(adaptivity.rounds.first()) == elements(adaptivity.rounds.last());
+        let mesh = if is_first { "the mesh was not refined, since it" } else { "the next mesh" };
         lines.more(&format!(
-            "asked: {asked}, NOT reached: the next mesh would have more than {most} coefficients, joined or not (--max-unknowns)"
+            "asked: {asked}, NOT reached: {mesh} would have more than {most} coefficients, joined or not (--max-unknowns)"
         ));
         // More than half of its square.
         if error.bends.powi(2) > 0.5 * error.discretisation.powi(2) {

@@ -265,7 +265,7 @@ impl Report {
         let adaptivity = AdaptivityReport {
             tolerance: options.tolerance,
             reached: adapted.reached,
-            most_coefficients: options.most_coefficients(),
+            most_coefficients: adapted.most_coefficients,
             rounds: adapted.rounds.iter().map(round).collect(),
         };
         let report = Self::new(given, &adapted.solved);

@@ -340,7 +340,7 @@ def solve(
         elements: Subdivide to about so many elements.
         max_edge: Subdivide until no edge is longer, in metres.
         max_unknowns: Refinement stops before a band has more coefficients (three for a linear element): 20 000 with the
-            operator "dense" and 200 000 with others if not given.
+            operator "dense" and a million with others, or twice those of the first mesh, if not given.
             `Solution.report["adaptivity"]["reached"]` tells whether it did.
         focus: Where the error counts: the name of a material or a group, or two opposite corners of a box, shape
             (2, 3). Elsewhere it counts as far as it matters there.

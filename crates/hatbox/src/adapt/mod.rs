@@ -57,7 +57,7 @@ pub struct Options {
     /// The greatest ‖B − B̃‖/‖B̃ − B⁰‖, estimated.
     pub tolerance: f64,
     /// Refinement stops before there are more coefficients per band than this in the broken space, where the operator
-    /// lives; as many as its [kind](exchange::Kind::most_coefficients) has if not given.
+    /// lives; as many as its kind [may have](Self::most_coefficients) if not given.
     pub most_coefficients: Option<usize>,
     /// Where the error counts; everywhere if not given.
     pub focus: Option<Focus>,
@@ -72,9 +72,16 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Coefficients per band at the most.
-    pub fn most_coefficients(&self) -> usize {
-        self.most_coefficients.unwrap_or(self.solve.operator.most_coefficients)
+    /// Coefficients per band at the most, if the first mesh has so many cells.
+    pub fn most_coefficients(&self, first: usize) -> usize {
+        let exchange::Kind { most_coefficients, most_growth, .. } = *self.solve.operator;
+        let grown = (most_growth * (first * self.dofs()) as f64).ceil() as usize;
+        self.most_coefficients.unwrap_or(most_coefficients.max(grown))
+    }
+
+    /// Coefficients of a cell.
+    fn dofs(&self) -> usize {
+        self.solve.basis.triangle.dofs()
     }
 
     /// Makes sure that there is something in focus.
@@ -92,7 +99,7 @@ impl Options {
         // A box may hold no middle of a face, or of a black one only, and yet middles of smaller cells. (What cannot be refined is
         // told elsewhere.)
         if !of_cells.contains(&true) && matches!(focus, Focus::Box(..)) {
-            let most = self.most_coefficients() / self.solve.basis.triangle.dofs();
+            let most = self.most_coefficients(scene.mesh.cells.len()) / self.dofs();
             let fine = scene.refined(Refinement::Elements(most), self.solve.basis);
             of_cells = fine.map_or(vec![true], |fine| found(&fine));
         }
@@ -125,6 +132,8 @@ pub struct Adapted {
     pub rounds: Vec<Round>,
     /// Whether the estimate is at most the tolerance. If not, the next mesh would have had too many coefficients.
     pub reached: bool,
+    /// Coefficients per band that it might have at the most.
+    pub most_coefficients: usize,
 }
 
 /// Solves to a tolerance.
@@ -134,8 +143,10 @@ pub struct Adapted {
 pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Adapted, Error> {
     let mut settings = options.solve;
     let mut scene = first_mesh(scene, &settings)?;
+    let most_coefficients = options.most_coefficients(scene.mesh.cells.len());
+    let most = most_coefficients / options.dofs();
     if let Some(focus) = &options.focus {
-        scene = in_focus(scene, focus, options);
+        scene = in_focus(scene, focus, most);
     }
     let blockers = Bvh::of_surfaces(&scene.surfaces);
     let (mut rounds, mut marking, mut parents) = (Vec::new(), Marking::new(), Vec::new());
@@ -159,19 +170,18 @@ pub fn solve(scene: &Scene, options: &Options, progress: &dyn Progress) -> Resul
         }
         let too_much = estimate.is_nan() || estimate > options.tolerance;
         let Some(estimated) = estimated.filter(|_| too_much) else {
-            return Ok(Adapted { system, solved, rounds, reached: true });
+            return Ok(Adapted { system, solved, rounds, reached: true, most_coefficients });
         };
         strictness.come_to(estimate);
         let squares = error_squares(&solved.solution, &estimated, importance.as_deref());
         marking.learn(&squares, &parents);
         // Predictions are pessimistic: what came was 0.7 to 0.9 of them on the sample scenes.
         let goal = (options.tolerance / estimate).powi(2);
-        let most = options.most_coefficients() / settings.basis.triangle.dofs();
         let planned = most.min((kind.growth * elements as f64).ceil() as usize);
         match finer_mesh(&solved.solution.scene, squares, &mut marking, goal, [planned, most]) {
             Some(finer) => (scene, parents) = finer,
             None if strictness.ends_its_slack() => scene = system.scene,
-            None => return Ok(Adapted { system, solved, rounds, reached: false }),
+            None => return Ok(Adapted { system, solved, rounds, reached: false, most_coefficients }),
         }
     }
 }
@@ -216,7 +226,7 @@ fn problem<'a>(
     options: &Options,
     tolerance: f64,
 ) -> Problem<'a> {
-    let coefficients = scene.mesh.cells.len() * options.solve.basis.triangle.dofs();
+    let coefficients = scene.mesh.cells.len() * options.dofs();
     let of_rays = exchange::kind(Sampled::NAME).map_or(1.0, |kind| kind.looseness);
     Problem { scene, blockers, strengths, coefficients, tolerance: of_rays * tolerance, memory: options.solve.memory }
 }
@@ -278,9 +288,8 @@ fn first_mesh(scene: &Scene, settings: &radiosity::Options) -> Result<Scene, Err
     Ok(scene.refined(settings.refinement, settings.basis)?.triangulated())
 }
 
-/// The scene halved all over until some cell is in focus, as long as it may grow.
-fn in_focus(mut scene: Scene, focus: &Focus, options: &Options) -> Scene {
-    let most = options.most_coefficients() / options.solve.basis.triangle.dofs();
+/// The scene halved all over until some cell is in focus, as long as it has no more than `most`.
+fn in_focus(mut scene: Scene, focus: &Focus, most: usize) -> Scene {
     while !focus.cells(&scene).contains(&true) && 4 * scene.mesh.cells.len() <= most {
         scene = scene.bisected(&vec![true; scene.mesh.cells.len()]).0;
     }

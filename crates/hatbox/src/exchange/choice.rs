@@ -9,7 +9,7 @@
 //! A limit of coefficients alone was tried: 3000 elements among small things take 97 seconds for what rays do in two, and as
 //! many in an empty room take three.
 
-use super::{ALL, Dense, Geometry, Kind, Params, Sampled, sampled};
+use super::{ALL, Dense, Geometry, Kind, MOST_WITH_RAYS, Params, Sampled, sampled, size};
 use crate::mesh::Patch;
 use crate::quadrature::sequence::{hash, point, unit};
 use crate::scene::Scene;
@@ -44,7 +44,8 @@ pub static AUTO: Kind = Kind {
     looseness: 1.0,
     slack: 1.0,
     growth: 2.0,
-    most_coefficients: 200_000,
+    most_coefficients: MOST_WITH_RAYS,
+    most_growth: 2.0,
     build: |geometry, params, progress| (choose(&Problem::of(geometry, params)).0.build)(geometry, params, progress),
 };
 
@@ -84,8 +85,8 @@ pub fn choose(problem: &Problem<'_>) -> (&'static Kind, String) {
     let named = |name| ALL.iter().find(|kind| kind.name == name).unwrap_or(&ALL[0]);
     let bytes = Dense::bytes(problem.coefficients);
     if bytes > problem.memory {
-        let [needed, allowed] = [bytes, problem.memory].map(|bytes| bytes.div_ceil(1_000_000));
-        return (named(Sampled::NAME), format!("all pairs would take {needed} MB, more than the {allowed} MB allowed"));
+        let [needed, allowed] = [bytes, problem.memory].map(size);
+        return (named(Sampled::NAME), format!("all pairs would take {needed}, more than the {allowed} allowed"));
     }
     let mesh = &problem.scene.mesh;
     let pairs = 0.5 * (mesh.cells.len() as f64).powi(2);

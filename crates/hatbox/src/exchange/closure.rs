@@ -266,8 +266,8 @@ impl Exchange for Balanced {
         self.exchange.steady(x)
     }
 
-    fn steady_noise(&self, x: &MultiVector, steady: &MultiVector) -> Option<MultiVector> {
-        self.exchange.steady_noise(x, steady)
+    fn steady_noise(&self, x: &MultiVector) -> Option<MultiVector> {
+        self.exchange.steady_noise(x)
     }
 
     fn spread(&self, x: &MultiVector) -> Option<MultiVector> {

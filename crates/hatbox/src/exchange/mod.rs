@@ -84,8 +84,8 @@ pub trait Exchange: LinearOperator + Send {
         None
     }
 
-    /// A function as large as the noise that [`steady`](Self::steady) has all the same, which is `_steady`; integrated like it.
-    fn steady_noise(&self, _x: &MultiVector, _steady: &MultiVector) -> Option<MultiVector> {
+    /// A function as large as the noise that [`steady`](Self::steady) has all the same, integrated like it; `None` where it has none.
+    fn steady_noise(&self, _x: &MultiVector) -> Option<MultiVector> {
         None
     }
 
@@ -169,15 +169,24 @@ impl Params {
     }
 }
 
+/// So many bytes in words, rounded up.
+fn size(bytes: usize) -> String {
+    match bytes {
+        0..10_000_000_000 => format!("{} MB", bytes.div_ceil(1_000_000)),
+        10_000_000_000..10_000_000_000_000 => format!("{} GB", bytes.div_ceil(1_000_000_000)),
+        _ => format!("{} TB", bytes.div_ceil(1_000_000_000_000)),
+    }
+}
+
 /// Why an operator was not built.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum ExchangeError {
     /// It would take more memory than it may.
     #[error(
-        "the dense exchange operator of {unknowns} unknowns takes {} MB, more than the {} MB allowed; use fewer or larger \
+        "the dense exchange operator of {unknowns} unknowns takes {}, more than the {} allowed; use fewer or larger \
          elements",
-        bytes / 1_000_000,
-        limit / 1_000_000
+        size(*bytes),
+        size(*limit)
     )]
     TooLarge {
         /// Number of unknowns.
@@ -257,9 +266,15 @@ pub struct Kind {
     pub growth: f64,
     /// Coefficients of a band that such a mesh may have at the most unless told otherwise: a table of all pairs takes 4 n² bytes.
     pub most_coefficients: usize,
+    /// And at least so many times those of the first mesh: what many faces need from the start is to be refined all the same, where
+    /// memory and time grow like elements.
+    pub most_growth: f64,
     /// Builds it.
     pub build: Build,
 }
+
+/// Coefficients with which rays take some ten seconds a round and less than a gigabyte, to 2 %.
+const MOST_WITH_RAYS: usize = 1_000_000;
 
 /// Every kind of operator.
 pub const ALL: &[Kind] = &[
@@ -270,6 +285,7 @@ pub const ALL: &[Kind] = &[
         slack: 1.0,
         growth: 1.25,
         most_coefficients: 20_000,
+        most_growth: 1.0,
         build: |geometry, params, progress| Ok(Box::new(Dense::new(geometry, params, progress)?)),
     },
     Kind {
@@ -278,7 +294,8 @@ pub const ALL: &[Kind] = &[
         looseness: 0.5,
         slack: 4.0,
         growth: 2.0,
-        most_coefficients: 200_000,
+        most_coefficients: MOST_WITH_RAYS,
+        most_growth: 2.0,
         build: |geometry, params, progress| Ok(Box::new(Sampled::linked(geometry, params, progress)?)),
     },
     Kind {
@@ -287,7 +304,8 @@ pub const ALL: &[Kind] = &[
         looseness: 0.5,
         slack: 4.0,
         growth: 2.0,
-        most_coefficients: 200_000,
+        most_coefficients: MOST_WITH_RAYS,
+        most_growth: 2.0,
         build: |geometry, params, progress| Ok(Box::new(Sampled::new(geometry, params, progress)?)),
     },
 ];

@@ -56,6 +56,12 @@ impl MultiVector {
         &mut self.data[band * self.rows..(band + 1) * self.rows]
     }
 
+    /// A copy of one band.
+    #[must_use]
+    pub fn one_band(&self, band: usize) -> Self {
+        Self { rows: self.rows, bands: 1, data: self.band(band).to_vec() }
+    }
+
     /// The bands, one after the other.
     pub fn iter_bands(&self) -> impl Iterator<Item = &[f64]> {
         (0..self.bands).map(|band| self.band(band))

@@ -8,7 +8,7 @@
 //! Tried and dropped: to ask each cell alone, and to allow three deviations. Halves differ most where the border of a shadow passes
 //! through a cell, and shadows of small lamps were blurred.
 
-use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
+use crate::linalg::{BlockDiagonal, Csr, LinearOperator, MultiVector};
 use crate::mesh::Mesh;
 use crate::space::FunctionSpace;
 use rayon::prelude::*;
@@ -16,52 +16,62 @@ use std::collections::BTreeMap;
 
 /// Averaging pays where the square of what it changes is at most so many times that of the noise.
 const MOST: f64 = 2.0;
+/// Cells of a thread at the least.
+const LEAST_CELLS: usize = 1 << 12;
 
-/// Adds the change that averaging makes on cells where it is no more than noise; what each material receives is kept.
+/// Adds the change that averaging makes on cells where it is no more than noise; what each material receives is kept. Both, the
+/// change and the noise, and the irradiance are of one band.
 pub(super) fn remove_noise(
     mesh: &Mesh,
     space: &FunctionSpace,
     mass: &BlockDiagonal,
     functions: [&MultiVector; 2],
-    irradiance: &mut MultiVector,
+    irradiance: &mut [f64],
 ) {
     let weighted = functions.map(|function| mass.times(function));
-    let change = functions[0];
-    let rows = irradiance.rows().max(1);
-    irradiance.as_mut_slice().par_chunks_mut(rows).enumerate().for_each(|(band, irradiance)| {
-        let square = |of: usize, cell: usize| -> f64 {
-            let [f, w] = [functions[of], &weighted[of]].map(|x| &x.band(band)[space.range(cell)]);
-            f.iter().zip(w).map(|(f, w)| f * w).sum()
-        };
-        let pooled = pooled(space, |cell| [0, 1].map(|of| square(of, cell)));
-        let is_noise = |&cell: &usize| pooled[cell][1] > 0.0 && pooled[cell][0] <= MOST * pooled[cell][1];
-        let cells: Vec<usize> = (0..space.cells()).filter(is_noise).collect();
-        let mut received: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
-        for &cell in &cells {
-            let sums = received.entry(mesh.cells[cell].material).or_default();
-            let more: f64 = weighted[0].band(band)[space.range(cell)].iter().sum();
-            *sums = [sums[0] + more, sums[1] + mesh.patch(cell).area()];
-        }
-        for cell in cells {
-            let [more, area] = received[&mesh.cells[cell].material];
-            let places = irradiance[space.range(cell)].iter_mut();
-            let changes = &change.band(band)[space.range(cell)];
-            places.zip(changes).for_each(|(place, change)| *place += change - more / area);
-        }
-    });
+    let square = |of: usize, cell: usize| -> f64 {
+        let [f, w] = [functions[of], &weighted[of]].map(|x| &x.band(0)[space.range(cell)]);
+        f.iter().zip(w).map(|(f, w)| f * w).sum()
+    };
+    let squares: Vec<[f64; 2]> = cells(space).map(|cell| [0, 1].map(|of| square(of, cell))).collect();
+    let Some(joined) = space.continuity() else { return };
+    let pooled = pooled(space, joined, &squares);
+    let is_noise = |&cell: &usize| pooled[cell][1] > 0.0 && pooled[cell][0] <= MOST * pooled[cell][1];
+    let noisy: Vec<usize> = (0..space.cells()).filter(is_noise).collect();
+    let mut received: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
+    for &cell in &noisy {
+        let sums = received.entry(mesh.cells[cell].material).or_default();
+        let more: f64 = weighted[0].band(0)[space.range(cell)].iter().sum();
+        *sums = [sums[0] + more, sums[1] + mesh.patch(cell).area()];
+    }
+    for cell in noisy {
+        let [more, area] = received[&mesh.cells[cell].material];
+        let places = irradiance[space.range(cell)].iter_mut();
+        let changes = &functions[0].band(0)[space.range(cell)];
+        places.zip(changes).for_each(|(place, change)| *place += change - more / area);
+    }
 }
 
 /// Sums over each cell and those that it is joined with, each as often as it is.
-fn pooled(space: &FunctionSpace, of: impl Fn(usize) -> [f64; 2]) -> Vec<[f64; 2]> {
-    let unknowns = |cell: usize| space.range(cell).flat_map(|dof| space.unknowns_of(dof)).map(|(unknown, _)| unknown);
+fn pooled(space: &FunctionSpace, joined: &Csr, of_cells: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut sums = vec![[0.0; 2]; space.dofs()];
-    for cell in 0..space.cells() {
-        let [a, b] = of(cell);
-        unknowns(cell).for_each(|unknown| sums[unknown] = [sums[unknown][0] + a, sums[unknown][1] + b]);
+    for (cell, [a, b]) in of_cells.iter().enumerate() {
+        for dof in space.range(cell) {
+            joined.row(dof).for_each(|(unknown, _)| sums[unknown] = [sums[unknown][0] + a, sums[unknown][1] + b]);
+        }
     }
-    let total =
-        |cell: usize| unknowns(cell).fold([0.0; 2], |[a, b], unknown| [a + sums[unknown][0], b + sums[unknown][1]]);
-    (0..space.cells()).map(total).collect()
+    let total = |cell: usize| {
+        let mut total = [0.0; 2];
+        for dof in space.range(cell) {
+            joined.row(dof).for_each(|(unknown, _)| total = [total[0] + sums[unknown][0], total[1] + sums[unknown][1]]);
+        }
+        total
+    };
+    cells(space).map(total).collect()
+}
+
+fn cells(space: &FunctionSpace) -> impl IndexedParallelIterator<Item = usize> {
+    (0..space.cells()).into_par_iter().with_min_len(LEAST_CELLS)
 }
 
 #[cfg(test)]
@@ -92,7 +102,7 @@ mod tests {
         let of = |values: [f64; 8]| MultiVector::from_fn(32, 1, |row, _| values[row / 4]);
         let change = of([0.02, -0.01, 0.0, 0.01, 0.3, -0.3, 0.3, -0.3]);
         let (noise, mut found) = (of([0.02; 8]), of([1.0; 8]));
-        remove_noise(&scene.mesh, &space, &mass(&scene, &space), [&change, &noise], &mut found);
+        remove_noise(&scene.mesh, &space, &mass(&scene, &space), [&change, &noise], found.band_mut(0));
         for (row, value) in found.band(0).iter().enumerate() {
             // A quarter of 0.02 stays where it was.
             let expected = [1.015, 0.985, 0.995, 1.005, 1.0, 1.0, 1.0, 1.0][row / 4];

@@ -71,6 +71,18 @@ impl Quantity {
         }
     }
 
+    /// Whether the other is given by the same numbers, and by the same texture or function.
+    pub fn is_given_like(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Uniform(a), Self::Uniform(b)) => a == b,
+            (Self::Textured { factor: a, texture: s }, Self::Textured { factor: b, texture: t }) => {
+                a == b && Arc::ptr_eq(s, t)
+            }
+            (Self::Function(a), Self::Function(b)) => Arc::ptr_eq(a, b),
+            _ => false,
+        }
+    }
+
     /// Whether it is zero everywhere in every band.
     pub fn is_zero(&self) -> bool {
         match self {

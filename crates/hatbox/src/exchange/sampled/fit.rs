@@ -45,8 +45,14 @@ pub(super) fn add_outer(gram: &mut Matrix, weight: f64, functions: &[f64]) {
 }
 
 /// The Cholesky factor of the first n rows of a positive definite matrix.
-#[inline(always)]
 pub(super) fn factor(mut a: Matrix, n: usize) -> Matrix {
+    factor_in_place(&mut a, n);
+    a
+}
+
+/// The same in place of the matrix: cells are so many that copies count.
+#[inline(always)]
+pub(super) fn factor_in_place(a: &mut Matrix, n: usize) {
     for j in 0..n {
         let pivot = a[j][j] - a[j][..j].iter().map(|x| x * x).sum::<f64>();
         a[j][j] = pivot.max(1e-300).sqrt();
@@ -55,18 +61,19 @@ pub(super) fn factor(mut a: Matrix, n: usize) -> Matrix {
             a[i][j] = (a[i][j] - product) / a[j][j];
         }
     }
-    a
 }
 
 /// Solves L Lᵀ x = b in place, for every band; b holds the bands of each row side by side.
 #[inline(always)]
 pub(super) fn solve(l: &Matrix, n: usize, bands: usize, b: &mut [f64]) {
-    for band in 0..bands {
-        for i in 0..n {
+    for i in 0..n {
+        for band in 0..bands {
             let known: f64 = (0..i).map(|k| l[i][k] * b[k * bands + band]).sum();
             b[i * bands + band] = (b[i * bands + band] - known) / l[i][i];
         }
-        for i in (0..n).rev() {
+    }
+    for i in (0..n).rev() {
+        for band in 0..bands {
             let known: f64 = (i + 1..n).map(|k| l[k][i] * b[k * bands + band]).sum();
             b[i * bands + band] = (b[i * bands + band] - known) / l[i][i];
         }

@@ -6,7 +6,6 @@
 use super::fit::Take;
 use super::lamps::Entry;
 use super::rays::Hit;
-use arrayvec::ArrayVec;
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -56,36 +55,9 @@ impl<'a> Run<'a> {
         self.coming.get(place).map(|&cell| Hit::from_parts(cell, 0))
     }
 
-    /// Whether none met a lamp or what is linked.
-    #[inline]
-    pub(super) fn is_plain(self) -> bool {
-        Hit::from_parts(self.cells.iter().fold(0, |all, cell| all | cell), 0).is_plain()
-    }
-
     fn part(self, range: Range<usize>) -> Self {
         let coming = &self.coming[range.start..];
         Self { cells: &self.cells[range.clone()], spots: &self.spots[range], coming }
-    }
-}
-
-/// Hits that were picked out of a word's.
-#[derive(Default)]
-pub(super) struct Few {
-    cells: ArrayVec<u32, WORD>,
-    spots: ArrayVec<u8, WORD>,
-}
-
-impl Few {
-    #[inline]
-    pub(super) fn push(&mut self, hit: Hit) {
-        let (cell, spot) = hit.to_parts();
-        self.cells.push(cell);
-        self.spots.push(spot);
-    }
-
-    /// They, and what comes after those they were picked from.
-    pub(super) fn run<'a>(&'a self, from: Run<'a>) -> Run<'a> {
-        Run { cells: &self.cells, spots: &self.spots, coming: from.coming }
     }
 }
 
@@ -228,7 +200,6 @@ impl Received {
 
     /// The coefficients of one cell's entries as the points have them that `take` takes of those that rays start from.
     pub(super) fn values_of(&self, index: usize, take: Take) -> Cow<'_, [f32]> {
-        let start = index.checked_sub(1).map_or(0, |before| self.ends[before]);
         let all = self.of(index).values;
         let sign = match take {
             Take::All => return Cow::Borrowed(all),
@@ -236,13 +207,25 @@ impl Received {
             Take::SecondHalf => -1.0,
         };
         let mut values = all.to_vec();
-        let first = self.in_doubt.partition_point(|&entry| entry < start);
-        let doubts = self.in_doubt[first..].iter().zip(self.doubts[first * self.width..].chunks_exact(self.width));
-        for (&entry, doubts) in doubts.take_while(|(entry, _)| **entry < self.ends[index]) {
-            let values = &mut values[(entry - start) as usize * self.width..];
+        for (entry, doubts) in self.doubts_of(index) {
+            let values = &mut values[entry * self.width..];
             values.iter_mut().zip(doubts).for_each(|(value, doubt)| *value += sign * doubt);
         }
         Cow::Owned(values)
+    }
+
+    /// Which of one cell's entries are in doubt, and their doubts.
+    pub(super) fn doubts_of(&self, index: usize) -> impl Iterator<Item = (usize, &[f32])> {
+        let start = index.checked_sub(1).map_or(0, |before| self.ends[before]);
+        let first = self.in_doubt.partition_point(|&entry| entry < start);
+        let doubts = self.in_doubt[first..].iter().zip(self.doubts[first * self.width..].chunks_exact(self.width));
+        let here = doubts.take_while(move |(entry, _)| **entry < self.ends[index]);
+        here.map(move |(&entry, doubts)| ((entry - start) as usize, doubts))
+    }
+
+    /// Whether any entry is.
+    pub(super) fn is_in_doubt(&self) -> bool {
+        !self.in_doubt.is_empty()
     }
 
     pub(super) fn shrink(&mut self) {
@@ -280,6 +263,11 @@ pub(super) struct Lit<'a> {
 impl<'a> Lit<'a> {
     /// By no lamp.
     pub(super) const NOT: Self = Self { width: 1, lamps: &[], values: &[] };
+
+    /// One of the lamps.
+    pub(super) fn lamp(self, entry: usize) -> usize {
+        self.lamps[entry] as usize
+    }
 
     /// The same lamps with other coefficients.
     pub(super) fn with(self, values: &'a [f32]) -> Self {

@@ -397,14 +397,11 @@ impl Exchange for Sampled {
 
     fn steady(&self, x: &MultiVector) -> Option<MultiVector> {
         // Light through links is not steady: neighbours have other links, and their rays bring what these leave.
-        Some(self.lamps_alone(x, Take::All))
+        Some(self.lamps_alone(x))
     }
 
-    fn steady_noise(&self, x: &MultiVector, steady: &MultiVector) -> Option<MultiVector> {
-        // Half of what the halves differ by, since all is their mean.
-        let mut noise = self.lamps_alone(x, Take::FirstHalf);
-        noise.add_scaled(-1.0, steady);
-        Some(noise)
+    fn steady_noise(&self, x: &MultiVector) -> Option<MultiVector> {
+        self.direct.iter().any(Received::is_in_doubt).then(|| self.doubts_alone(x))
     }
 
     fn spread(&self, x: &MultiVector) -> Option<MultiVector> {

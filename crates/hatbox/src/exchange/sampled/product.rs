@@ -13,16 +13,15 @@
 
 #![expect(clippy::inline_always, reason = "loops must be compiled where their lengths are known")]
 
-use super::fit::{Matrix, Take, add_outer, factor, mean_mass, solve};
-use super::kept::{Ended, Few, Hits, Lit, Run, WORD, set_bits};
-use super::rays::{Hit, Points};
+use super::fit::{Matrix, Take, add_outer, factor_in_place, mean_mass, solve};
+use super::kept::{Ended, Hits, Lit, Run, WORD, set_bits};
+use super::rays::{Hit, Kinds, Points};
 use super::source::{Coefficients, Number, Source, lanes_for};
-use super::sums::sum_of;
+use super::sums::{Word, sum_of};
 use super::{CHUNK, Sampled, Table};
 use crate::element::MAX_DOFS;
 use crate::linalg::{Csr, LinearOperator, MultiVector};
 use crate::mesh::Patch;
-use arrayvec::ArrayVec;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -37,6 +36,8 @@ struct Work {
     fit: Vec<f64>,
     rest: Vec<f64>,
     result: Vec<f64>,
+    /// Rays of a word that are read one by one.
+    others: Vec<(usize, Hit)>,
 }
 
 /// The rays of a cell.
@@ -44,22 +45,15 @@ struct Rays<'a> {
     table: &'a Table,
     ended: Ended<'a>,
     taken: Range<usize>,
-    /// Whether some met neither a lamp nor what is linked.
-    free: bool,
-    /// Whether all met lamps: then they tell what arrives, and sum to 1, which no visibility of lamps does to the last digit.
-    among_lamps: bool,
+    /// What rays met that are not fitted to: lamps, and what is linked. Where links and lamps bring all, but for rounding and their
+    /// errors, what is left is as the links' rays see it; where all met lamps, they tell what arrives, and sum to 1, which no
+    /// visibility of lamps does to the last digit.
+    excluded: Kinds,
     /// On a cell whose map stretches it.
     stretch: Option<Stretch>,
 }
 
 impl Rays<'_> {
-    /// Whether a ray is fitted to. Where links and lamps bring all, but for rounding and their errors, what is left is as
-    /// the links' rays see it.
-    #[inline]
-    fn counts(&self, hit: Hit) -> bool {
-        self.among_lamps || !(hit.is_lamp() || (self.free && hit.is_linked()))
-    }
-
     /// What a ray counts, if each counts `share` on average.
     #[inline]
     fn weight(&self, share: f64, ray: usize) -> f64 {
@@ -70,31 +64,20 @@ impl Rays<'_> {
         1.0 / self.taken.len() as f64
     }
 
-    /// Adds N(x_r) v_r of the rays of a word that count: the first ray's number, their bits, and hits. Gives the others.
+    /// Adds N(x_r) v_r of the rays of a word that count: the first ray's number, their bits, and hits. `others` gets the others.
     #[inline(always)]
     fn add_known<const N: usize, const B: usize, T: Number>(
         &self,
         source: Source<'_, T>,
-        (first, mut bits, mut hits): (usize, u64, Run<'_>),
+        (first, bits, hits): (usize, u64, Run<'_>),
         sums: &mut [[f64; B]; N],
-    ) -> ArrayVec<(usize, Hit), WORD> {
-        let (mut others, mut counting) = (ArrayVec::new(), Few::default());
-        if !self.among_lamps && !hits.is_plain() {
-            for (bit, hit) in set_bits(bits).zip(hits.iter()) {
-                if self.counts(hit) {
-                    counting.push(hit);
-                } else {
-                    others.push((first + bit, hit));
-                    bits &= !(1 << bit);
-                }
-            }
-            hits = counting.run(hits);
-        }
+        others: &mut Vec<(usize, Hit)>,
+    ) {
         let functions = self.stretch.as_ref().map_or(&self.table.points.functions, |stretch| &stretch.functions);
-        let more = sum_of::<N, B, T>(&functions[first..], (bits, hits), source, &self.table.spots);
+        let word = Word { functions: &functions[first..], bits, hits, excluded: self.excluded };
+        let more = sum_of::<N, B, T>(&word, source, &self.table.spots, |ray, hit| others.push((first + ray, hit)));
         let share = self.share();
         sums.iter_mut().flatten().zip(more.iter().flatten()).for_each(|(sum, more)| *sum += share * more);
-        others
     }
 }
 
@@ -151,15 +134,36 @@ impl Sampled {
         });
     }
 
-    /// The part of S x that comes from the means of lamps, as those of the points have it that `take` takes.
-    pub(super) fn lamps_alone(&self, x: &MultiVector, take: Take) -> MultiVector {
+    /// The part of S x that comes from the means of lamps.
+    pub(super) fn lamps_alone(&self, x: &MultiVector) -> MultiVector {
+        self.of_means(x, |cell, index, means, work| {
+            self.combine::<0, 0>(cell, self.lamps_of(cell, index), means, false, work);
+        })
+    }
+
+    /// Half of what the two halves of the points differ by in [`lamps_alone`](Self::lamps_alone).
+    pub(super) fn doubts_alone(&self, x: &MultiVector) -> MultiVector {
+        self.of_means(x, |cell, index, means, work| {
+            let lamps = self.lamps_of(cell, index);
+            for (entry, doubts) in self.direct[cell / CHUNK].doubts_of(index) {
+                let bands = work.result.len() / MAX_DOFS;
+                let means = &means[lamps.lamp(entry) * bands..];
+                for (fit, &doubt) in work.fit.chunks_exact_mut(bands).zip(doubts) {
+                    fit.iter_mut().zip(means).for_each(|(fit, mean)| *fit += f64::from(doubt) * mean);
+                }
+            }
+        })
+    }
+
+    /// Integrates what `fit` makes of a cell, its place in its chunk and the means of lamps in x: coefficients, where there were
+    /// zeros.
+    fn of_means(&self, x: &MultiVector, fit: impl Fn(usize, usize, &[f64], &mut Work) + Sync) -> MultiVector {
         let lanes = lanes_for(x.bands());
         let means = self.lamps.means(&self.cells, [x.bands(), lanes], |dof, band| x.band(band)[dof]);
         let mut y = MultiVector::zeros(self.rows(), x.bands());
         let row = |cell: usize, index: usize, work: &mut Work| {
             work.fit.fill(0.0);
-            let values = self.direct[cell / CHUNK].values_of(index, take);
-            self.combine::<0, 0>(cell, self.lamps_of(cell, index).with(&values), &means, false, work);
+            fit(cell, index, &means, work);
             self.integrate::<0, 0>(cell, lanes, work);
         };
         self.by_rows(row, &mut y, |column, rows, result| column[rows].copy_from_slice(result));
@@ -280,18 +284,19 @@ impl Sampled {
         work.rest[..n * bands].fill(0.0);
         let mut found = Found::default();
         // Sums of rays that count, where lengths are known: they stay in registers.
-        let mut known_fit = [[0.0; B]; N];
+        let (mut known_fit, mut others) = ([[0.0; B]; N], std::mem::take(&mut work.others));
         for (first, bits, hits) in rays.ended.words(rays.taken.clone()) {
-            let others: ArrayVec<_, WORD> = if N > 0 && B > 0 {
-                rays.add_known(source, (first, bits, hits), &mut known_fit)
+            if N > 0 && B > 0 {
+                rays.add_known(source, (first, bits, hits), &mut known_fit, &mut others);
             } else {
                 hits.iter().for_each(|hit| source.ask_for::<N, B>(source.place::<N, B>(&self.cells, hit.cell())));
-                set_bits(bits).map(|bit| first + bit).zip(hits.iter()).collect()
-            };
-            for (ray, hit) in others {
+                others.extend(set_bits(bits).map(|bit| first + bit).zip(hits.iter()));
+            }
+            for (ray, hit) in others.drain(..) {
                 self.read_one::<N, B, T>(rays, source, (ray, hit), &mut found, work);
             }
         }
+        work.others = others;
         for (sum, known) in work.fit.iter_mut().zip(known_fit.iter().flatten()) {
             *sum += known;
         }
@@ -309,7 +314,7 @@ impl Sampled {
     ) {
         let [n, bands] = known::<N, B>(rays.table.element.dofs(), source.lanes());
         let (functions, weight) = (&rays.table.points.functions[ray][..n], rays.weight(rays.share(), ray));
-        let counts = rays.counts(hit);
+        let counts = !hit.is_of(rays.excluded);
         if !counts {
             add_outer(found.excluded.get_or_insert_default(), weight, functions);
             if !hit.is_lamp() {
@@ -387,29 +392,32 @@ impl Table {
         &self,
         rays: &Rays<'_>,
         take: Take,
-        found: &Found,
+        found: &mut Found,
         bands: usize,
         work: &mut Work,
     ) {
         let [n, bands] = known::<N, B>(self.element.dofs(), bands);
-        let own = rays.stretch.is_some().then(|| {
+        let mut own = rays.stretch.is_some().then(|| {
             let mut gram = self.ridge;
             let (share, functions) = (rays.share(), &self.points.functions);
             rays.taken.clone().for_each(|ray| add_outer(&mut gram, rays.weight(share, ray), &functions[ray][..n]));
             gram
         });
-        let factor_of_all = own.map_or(self.factor[take as usize], |gram| factor(gram, n));
-        if found.lamp {
-            solve(&factor_of_all, n, bands, &mut work.rest);
-        }
-        let factor_of_counting = found.excluded.as_ref().map(|excluded| {
-            let mut gram = own.unwrap_or(self.gram[take as usize]);
-            for (row, excluded) in gram[..n].iter_mut().zip(excluded) {
-                row[..n].iter_mut().zip(excluded).for_each(|(entry, excluded)| *entry -= excluded);
+        if let Some(excluded) = &mut found.excluded {
+            let all = own.as_ref().unwrap_or(&self.gram[take as usize]);
+            for (row, all) in excluded[..n].iter_mut().zip(all) {
+                row[..n].iter_mut().zip(all).for_each(|(entry, all)| *entry = all - *entry);
             }
-            factor(gram, n)
-        });
-        solve(factor_of_counting.as_ref().unwrap_or(&factor_of_all), n, bands, &mut work.fit);
+            factor_in_place(excluded, n);
+        }
+        if let Some(gram) = &mut own {
+            factor_in_place(gram, n);
+        }
+        let of_all = own.as_ref().unwrap_or(&self.factor[take as usize]);
+        if found.lamp {
+            solve(of_all, n, bands, &mut work.rest);
+        }
+        solve(found.excluded.as_ref().unwrap_or(of_all), n, bands, &mut work.fit);
     }
 }
 
@@ -423,6 +431,7 @@ impl Work {
             fit: coefficients.clone(),
             rest: coefficients.clone(),
             result: coefficients,
+            others: Vec::with_capacity(WORD),
         }
     }
 }
@@ -446,12 +455,12 @@ fn row<const N: usize, const B: usize, T: Number>(
         None => sampled.cast_again(cell, taken.end, &mut work.cast, &mut cast),
     };
     let stretch = sampled.cells.stretched(cell).map(|patch| Stretch::new(&table.points, &patch));
-    let (free, among_lamps) = met(ended, taken.clone());
-    let rays = Rays { table, ended, taken, free, among_lamps, stretch };
-    let found = sampled.read::<N, B, T>(&rays, source, work);
-    table.fit::<N, B>(&rays, take, &found, source.lanes(), work);
+    let excluded = excluded(ended, taken.clone());
+    let rays = Rays { table, ended, taken, excluded, stretch };
+    let mut found = sampled.read::<N, B, T>(&rays, source, work);
+    table.fit::<N, B>(&rays, take, &mut found, source.lanes(), work);
     work.cast_hits = cast;
-    let of_lamps = (!among_lamps).then(|| sampled.direct[cell / CHUNK].values_of(index, take));
+    let of_lamps = (excluded != Kinds::NONE).then(|| sampled.direct[cell / CHUNK].values_of(index, take));
     let lamps = of_lamps.as_ref().map_or(Lit::NOT, |values| sampled.lamps_of(cell, index).with(values));
     sampled.combine::<N, B>(cell, lamps, source.means, found.lamp, work);
     sampled.integrate::<N, B>(cell, source.lanes(), work);
@@ -463,17 +472,21 @@ fn known<const N: usize, const B: usize>(n: usize, bands: usize) -> [usize; 2] {
     [if N > 0 { N } else { n }, if B > 0 { B } else { bands }]
 }
 
-/// Whether one of these rays met neither a lamp nor what is linked, and whether all met lamps.
-fn met(ended: Ended<'_>, taken: Range<usize>) -> (bool, bool) {
+/// What these rays met that they are not fitted to; see [`Rays`].
+fn excluded(ended: Ended<'_>, taken: Range<usize>) -> Kinds {
     let (wanted, mut arrived, mut among_lamps) = (taken.len(), 0, true);
     for (_, bits, hits) in ended.words(taken) {
         arrived += bits.count_ones() as usize;
-        if hits.iter().any(|hit| !hit.is_lamp() && !hit.is_linked()) {
-            return (true, false);
+        if hits.iter().any(|hit| !hit.is_of(Kinds::LAMPS_AND_LINKED)) {
+            return Kinds::LAMPS_AND_LINKED;
         }
         among_lamps &= hits.iter().all(Hit::is_lamp);
     }
-    (arrived < wanted, arrived == wanted && among_lamps)
+    match (arrived == wanted, among_lamps) {
+        (false, _) => Kinds::LAMPS_AND_LINKED,
+        (true, false) => Kinds::LAMPS,
+        (true, true) => Kinds::NONE,
+    }
 }
 
 /// y = a M x for the bands of n rows side by side.

@@ -27,6 +27,16 @@ pub(super) struct Hit {
 const LAMP: u32 = 1 << 31;
 const LINKED: u32 = 1 << 30;
 
+/// Kinds of cells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Kinds(u32);
+
+impl Kinds {
+    pub(super) const NONE: Self = Self(0);
+    pub(super) const LAMPS: Self = Self(LAMP);
+    pub(super) const LAMPS_AND_LINKED: Self = Self(LAMP | LINKED);
+}
+
 impl Hit {
     /// Out of the scene, or onto an unlit back.
     pub(super) const LOST: Self = Self { cell: u32::MAX, spot: 0 };
@@ -53,14 +63,10 @@ impl Hit {
         self.cell & LAMP != 0 && !self.is_lost()
     }
 
-    /// Whether a link brings the light that the ray would.
-    pub(super) fn is_linked(self) -> bool {
-        self.cell & LINKED != 0 && !self.is_lost()
-    }
-
-    /// Whether it is of a cell, and nothing else.
-    pub(super) fn is_plain(self) -> bool {
-        self.cell & (LAMP | LINKED) == 0
+    /// Whether one that is not lost is of a cell of these kinds.
+    #[inline]
+    pub(super) fn is_of(self, kinds: Kinds) -> bool {
+        self.cell & kinds.0 != 0
     }
 
     pub(super) fn cell(self) -> usize {

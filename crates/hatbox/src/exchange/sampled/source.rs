@@ -61,15 +61,19 @@ struct Layout {
 impl Layout {
     fn new<T>(cells: &Cells, lanes: usize) -> Self {
         let (alike, group) = (cells.alike().is_some(), cells.alike().unwrap_or(1));
-        let numbers = group * lanes;
         // Without groups, coefficients of a cell follow each other.
-        let fits = alike && numbers * size_of::<T>() <= LINE;
-        Self { group, lanes, stride: if fits { numbers.next_power_of_two() } else { numbers } }
+        Self { group, lanes, stride: if alike { stride::<T>(group * lanes) } else { lanes } }
     }
 
     fn place(&self, dof: usize) -> usize {
         dof / self.group * self.stride + dof % self.group * self.lanes
     }
+}
+
+/// Places from group to group if all cells have so many numbers.
+#[inline(always)]
+const fn stride<T>(numbers: usize) -> usize {
+    if numbers * size_of::<T>() <= LINE { numbers.next_power_of_two() } else { numbers }
 }
 
 /// Coefficients with the bands of each side by side.
@@ -128,9 +132,9 @@ impl<T: Number> Coefficients<T> {
 
 #[cfg(test)]
 impl<'a, T> Source<'a, T> {
-    /// Coefficients that are known one by one.
-    pub(super) fn of_known(values: &'a [T], lanes: usize, stride: usize) -> Self {
-        Self { layout: Layout { group: stride / lanes, lanes, stride }, values, means: &[] }
+    /// Coefficients that are known one by one, of cells that all have so many.
+    pub(super) fn of_known(values: &'a [T], lanes: usize, group: usize) -> Self {
+        Self { layout: Layout { group, lanes, stride: stride::<T>(group * lanes) }, values, means: &[] }
     }
 }
 
@@ -154,7 +158,7 @@ impl<T: Number> Source<'_, T> {
     /// The same, if all cells have N functions.
     #[inline(always)]
     pub(super) fn known_place<const N: usize, const B: usize>(&self, cell: usize) -> Range<usize> {
-        let start = cell * self.layout.stride;
+        let start = cell * if B > 0 { stride::<T>(N * B) } else { self.layout.stride };
         start..start + N * if B > 0 { B } else { self.layout.lanes }
     }
 

@@ -53,6 +53,12 @@ impl Spots {
         Self { dofs, means }
     }
 
+    /// The functions in each part, if they are N.
+    #[inline]
+    pub(super) fn known<const N: usize>(&self) -> &[[f64; N]] {
+        self.means.as_chunks().0
+    }
+
     /// The functions where a ray ended.
     #[inline]
     pub(super) fn functions(&self, spot: u8) -> &[f64] {

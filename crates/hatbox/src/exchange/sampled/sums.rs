@@ -3,10 +3,13 @@
 //! Compilers do not find the four bands of a coefficient in this loop: they left it to single numbers, or to wider vectors
 //! that have to be put together from pieces. So there is a loop in vectors of four, which gives the same bits. It asks for
 //! coefficients ray by ray, some time before they are needed: to ask for those of a whole word first has the processor wait.
+//! Rays that met a lamp, of which a word has one now and then, are passed over as they come: to copy the others first took a
+//! quarter of a product.
 
 #![expect(clippy::inline_always, reason = "loops must be compiled where their lengths are known")]
 
 use super::kept::{Run, set_bits};
+use super::rays::{Hit, Kinds};
 use super::source::{Number, Source};
 use super::spots::Spots;
 use crate::element::MAX_DOFS;
@@ -14,37 +17,51 @@ use crate::element::MAX_DOFS;
 /// So many rays before they are needed coefficients are asked for: a guess.
 const AHEAD: usize = 24;
 
-/// The sums, if all cells have N functions and there are B lanes, of the rays of a word: the functions where each begins,
-/// which of them there are, and where these ended.
+/// Rays of which 64 at the most ended somewhere.
+pub(super) struct Word<'a> {
+    /// The functions where each begins.
+    pub(super) functions: &'a [[f64; MAX_DOFS]],
+    /// Which of them ended somewhere, and where.
+    pub(super) bits: u64,
+    pub(super) hits: Run<'a>,
+    /// Where those ended that are passed over.
+    pub(super) excluded: Kinds,
+}
+
+/// The sums, if all cells have N functions and there are B lanes, of the rays of a word; `others` gets those that are passed over.
 #[cfg_attr(target_arch = "x86_64", expect(unsafe_code, reason = "AVX2, behind detection at run time"))]
 #[inline(always)]
 pub(super) fn sum_of<const N: usize, const B: usize, T: Number>(
-    functions: &[[f64; MAX_DOFS]],
-    (bits, hits): (u64, Run<'_>),
+    word: &Word<'_>,
     source: Source<'_, T>,
     spots: &Spots,
+    others: impl FnMut(usize, Hit),
 ) -> [[f64; B]; N] {
     #[cfg(target_arch = "x86_64")]
     if B == 4 && is_x86_feature_detected!("avx2") && is_x86_feature_detected!("bmi1") {
         // SAFETY: the processor has both.
-        let sums: [[f64; 4]; N] = unsafe { x86::sum_of(functions, (bits, hits), source, spots) };
+        let sums: [[f64; 4]; N] = unsafe { x86::sum_of(word, source, spots, others) };
         return sums.map(|of_function| std::array::from_fn(|band| of_function[band]));
     }
-    portable(functions, (bits, hits), source, spots)
+    portable(word, source, spots, others)
 }
 
 #[inline(always)]
 fn portable<const N: usize, const B: usize, T: Number>(
-    functions: &[[f64; MAX_DOFS]],
-    (bits, hits): (u64, Run<'_>),
+    word: &Word<'_>,
     source: Source<'_, T>,
     spots: &Spots,
+    mut others: impl FnMut(usize, Hit),
 ) -> [[f64; B]; N] {
     let mut sums = [[0.0; B]; N];
-    for (place, (ray, hit)) in set_bits(bits).zip(hits.iter()).enumerate() {
-        ask_ahead::<N, B, T>(hits, place, source);
+    for (place, (ray, hit)) in set_bits(word.bits).zip(word.hits.iter()).enumerate() {
+        ask_ahead::<N, B, T>(word.hits, place, source);
+        if hit.is_of(word.excluded) {
+            others(ray, hit);
+            continue;
+        }
         let value = source.known_value::<N, B>(hit, spots);
-        for (sums, function) in sums.iter_mut().zip(&functions[ray]) {
+        for (sums, function) in sums.iter_mut().zip(&word.functions[ray]) {
             sums.iter_mut().zip(value).for_each(|(sum, value)| *sum += function * value);
         }
     }
@@ -61,27 +78,31 @@ fn ask_ahead<const N: usize, const B: usize, T: Number>(hits: Run<'_>, place: us
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::{MAX_DOFS, Number, Run, Source, Spots, ask_ahead, set_bits};
+    use super::{Hit, Number, Source, Spots, Word, ask_ahead, set_bits};
     use std::arch::x86_64::{_mm256_add_pd, _mm256_mul_pd, _mm256_set1_pd, _mm256_setr_pd, _mm256_setzero_pd};
 
     /// [`super::sum_of`] for four lanes.
     #[target_feature(enable = "avx2,bmi1")]
     pub(super) fn sum_of<const N: usize, T: Number>(
-        functions: &[[f64; MAX_DOFS]],
-        (bits, hits): (u64, Run<'_>),
+        word: &Word<'_>,
         source: Source<'_, T>,
         spots: &Spots,
+        mut others: impl FnMut(usize, Hit),
     ) -> [[f64; 4]; N] {
-        let mut sums = [_mm256_setzero_pd(); N];
-        for (place, (ray, hit)) in set_bits(bits).zip(hits.iter()).enumerate() {
-            ask_ahead::<N, 4, T>(hits, place, source);
-            let coefficients = source.known_cell::<N, 4>(hit.cell());
+        let (mut sums, there) = ([_mm256_setzero_pd(); N], spots.known::<N>());
+        for (place, (ray, hit)) in set_bits(word.bits).zip(word.hits.iter()).enumerate() {
+            ask_ahead::<N, 4, T>(word.hits, place, source);
+            if hit.is_of(word.excluded) {
+                others(ray, hit);
+                continue;
+            }
+            let coefficients = source.known_cell::<N, 4>(hit.cell()).as_chunks::<4>().0;
             let mut value = _mm256_setzero_pd();
-            for (of_function, &there) in coefficients.chunks_exact(4).zip(&spots.functions(hit.spot())[..N]) {
-                let [a, b, c, d] = std::array::from_fn(|band| of_function[band].into());
+            for (of_function, &there) in coefficients.iter().zip(&there[usize::from(hit.spot())]) {
+                let [a, b, c, d] = of_function.map(Into::into);
                 value = _mm256_add_pd(value, _mm256_mul_pd(_mm256_set1_pd(there), _mm256_setr_pd(a, b, c, d)));
             }
-            for (sum, &here) in sums.iter_mut().zip(&functions[ray]) {
+            for (sum, &here) in sums.iter_mut().zip(&word.functions[ray]) {
                 *sum = _mm256_add_pd(*sum, _mm256_mul_pd(_mm256_set1_pd(here), value));
             }
         }
@@ -92,7 +113,6 @@ mod x86 {
 #[cfg(test)]
 mod tests {
     use super::super::kept::Hits;
-    use super::super::rays::Hit;
     use super::*;
     use crate::element::ALL;
     use crate::quadrature::sequence::point;
@@ -105,28 +125,33 @@ mod tests {
     fn agrees<const N: usize, T: Number>(element: &crate::element::Element) {
         let (cells, rays) = (40, 50);
         let values: Vec<T> = (0..cells * 16 * N).map(number).collect();
-        let source = Source::of_known(&values, 4, 16 * N);
+        let source = Source::of_known(&values, 4, N);
         let spots = Spots::new(element);
         let functions: Vec<[f64; MAX_DOFS]> =
             (0..rays).map(|ray| std::array::from_fn(|k| number::<f64>(ray * MAX_DOFS + k))).collect();
+        let hit = |ray: usize, flag| Hit::from_parts((ray * 11 % cells) as u32 | flag, (ray * 5) as u8);
+        let lamp = |ray: usize| ray % 11 == 5;
         let ended: Vec<Hit> = (0..rays)
-            .map(
-                |ray| {
-                    if ray % 7 == 3 { Hit::LOST } else { Hit::from_parts((ray * 11 % cells) as u32, (ray * 5) as u8) }
-                },
-            )
+            .map(|ray| if ray % 7 == 3 { Hit::LOST } else { hit(ray, if lamp(ray) { 1 << 31 } else { 0 }) })
             .collect();
         let mut hits = Hits::new(rays as u32);
         hits.push(&ended);
-        for (first, bits, run) in hits.of(0).words(0..rays) {
-            let of_four: [[f64; 4]; N] = sum_of(&functions[first..], (bits, run), source, &spots);
-            assert_eq!(of_four, portable(&functions[first..], (bits, run), source, &spots));
+        for (first, bits, hits) in hits.of(0).words(0..rays) {
+            let word = Word { functions: &functions[first..], bits, hits, excluded: Kinds::LAMPS };
+            let mut others = [Vec::new(), Vec::new()];
+            let of_four: [[f64; 4]; N] = sum_of(&word, source, &spots, |ray, hit| others[0].push((ray, hit)));
+            assert_eq!(of_four, portable(&word, source, &spots, |ray, hit| others[1].push((ray, hit))));
+            let ended = ended.iter().enumerate().filter(|(_, hit)| !hit.is_lost());
+            let (passed, counting): (Vec<_>, Vec<_>) =
+                ended.map(|(ray, &hit)| (ray, hit)).partition(|&(ray, _)| lamp(ray));
+            assert_eq!(others, [passed.clone(), passed]);
             let mut expected = [[0.0; 4]; N];
-            for (ray, hit) in ended.iter().enumerate().filter(|(_, hit)| !hit.is_lost()) {
+            for (ray, hit) in counting {
                 for (k, sums) in expected.iter_mut().enumerate() {
                     for (band, sum) in sums.iter_mut().enumerate() {
                         let there = spots.functions(hit.spot()).iter().enumerate();
-                        let value = |(l, n): (usize, &f64)| n * values[hit.cell() * 16 * N + 4 * l + band].into();
+                        let cell = source.known_cell::<N, 4>(hit.cell());
+                        let value = |(l, n): (usize, &f64)| n * cell[4 * l + band].into();
                         *sum += functions[ray][k] * there.map(value).sum::<f64>();
                     }
                 }

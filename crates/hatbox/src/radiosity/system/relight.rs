@@ -33,8 +33,13 @@ impl System {
         if materials.len() != self.scene.materials.len() || !materials.iter().zip(&self.scene.materials).all(same) {
             return Err(MaterialsError::Geometry);
         }
-        let (collects, alike) = (self.collects(), self.scene.alike());
+        let (collects, alike, bands) = (self.collects(), self.scene.alike(), self.scene.bands);
+        let shine = |(a, b): (&Material, &Material)| a.exitance.is_given_like(&b.exitance);
+        let shines_as_before = materials.iter().zip(&self.scene.materials).all(shine);
         self.scene.set_materials(materials)?;
+        if !shines_as_before || self.scene.bands != bands {
+            self.forget_emission();
+        }
         if let Some(found) = self.found.take() {
             self.known = found.with(&self.known, self.most_products());
         }
@@ -47,12 +52,26 @@ impl System {
         {
             self.rejoin(space);
         }
-        self.strengths = OnceLock::new();
-        self.load = OnceLock::new();
-        self.emission = OnceLock::new();
         self.reflectance = OnceLock::new();
         self.operator_time = Duration::ZERO;
         Ok(())
+    }
+
+    /// Goes on with so many bands, if there are fewer: a number that stands for all stands for these. Functions leave the number of
+    /// bands open; whoever gives them as materials knows it.
+    pub fn raise_bands(&mut self, bands: usize) {
+        if bands > self.scene.bands {
+            self.scene.bands = bands;
+            self.reflectance = OnceLock::new();
+            self.forget_emission();
+        }
+    }
+
+    /// What follows from how materials shine.
+    fn forget_emission(&mut self) {
+        self.strengths = OnceLock::new();
+        self.load = OnceLock::new();
+        self.emission = OnceLock::new();
     }
 
     /// Materials that shine and did not when the operator was built, if it is sampled: it takes their light for that of other
