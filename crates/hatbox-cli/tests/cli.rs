@@ -163,8 +163,11 @@ fn a_tolerance_is_reached_or_it_is_said_that_it_is_not() {
     let report = json(solve(&["--tolerance", "20%", "--json"]).args(["--gather", "--grading", "1.5"]));
     assert_eq!(report["adaptivity"]["reached"], true);
     assert!(report["error"]["estimate"].as_f64().is_some_and(|error| error <= 0.2), "{report:#}");
-    let text = text(&succeed(&mut solve(&["--tolerance", "0.01%", "--max-unknowns", "1300"])).stdout);
-    assert!(text.contains("NOT reached") && text.contains("1300"), "{text}");
+    let text = text(&succeed(&mut solve(&["--tolerance", "0.01%", "--max-unknowns", "3000"])).stdout);
+    assert!(text.contains("NOT reached: the next mesh") && text.contains("3000"), "{text}");
+    assert!(text.contains("point by point"), "{text}");
+    let unrefined = self::text(&succeed(&mut solve(&["--tolerance", "0.01%", "--max-unknowns", "100"])).stdout);
+    assert!(unrefined.contains("NOT reached: the mesh was not refined"), "{unrefined}");
     let folder = Folder::new();
     fail(&folder, 1, &mut solve(&["--focus", "nowhere"]), &["--focus", "use a box"]);
 }

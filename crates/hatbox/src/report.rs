@@ -231,6 +231,8 @@ pub struct ErrorReport {
     pub discretisation: f64,
     /// What joining has taken away from elements that are joined where faces bend; of sampled operators, of lamps' light only.
     pub bends: f64,
+    /// The residuals relative to the light there that half of the area does not exceed, and nine tenths.
+    pub pointwise: [f64; 2],
     /// The emitted over the leaving power.
     pub absorption: f64,
     /// Computation, the operator's part: what its errors of quadrature and visibility change of the reflected light, in the norm
@@ -311,6 +313,7 @@ impl Report {
                 data: e.data,
                 discretisation: e.discretisation,
                 bends: e.bends,
+                pointwise: e.pointwise,
                 absorption: e.absorption,
                 operator: e.operator,
                 solver: e.solver,

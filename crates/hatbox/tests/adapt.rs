@@ -231,6 +231,22 @@ fn refinement_reaches_what_was_asked_and_goes_where_the_error_is() {
     assert!(!adapt::solve(&room(false), &few, &Silent).expect("solved").reached);
 }
 
+/// A scene of more than 67 000 triangles was left as it was, and the summary did not say so.
+#[test]
+fn what_has_many_faces_may_be_refined_as_well() {
+    let most = |operator: &str, first: usize| {
+        let mut options = to(0.01);
+        (options.solve.operator, options.solve.basis) = (exchange::kind(operator).expect("a kind"), &ALL[1]);
+        options.most_coefficients = None;
+        options.most_coefficients(first)
+    };
+    for operator in ["auto", "sampled", "hierarchical"] {
+        assert_eq!([100, 1_000_000].map(|first| most(operator, first)), [1_000_000, 6_000_000], "{operator}");
+    }
+    // A table of all pairs has no room for more.
+    assert_eq!([100, 1_000_000].map(|first| most("dense", first)), [20_000; 2]);
+}
+
 /// There is no light in a walled-up room for an error to be relative to.
 #[test]
 fn a_focus_that_nothing_lights_has_no_infinite_error() {

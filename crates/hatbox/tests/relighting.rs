@@ -78,6 +78,25 @@ fn a_repainted_scene_is_the_scene_that_was_painted_so_from_the_start() {
     assert!(again.energy.defect() < 1e-9);
 }
 
+/// What was integrated of the first one is used again.
+#[test]
+fn an_emission_that_stays_follows_the_paint_and_the_number_of_bands() {
+    let paints = |lamp| materials([0.7, 0.1, 0.0], lamp);
+    let mut kept = system(&cube(materials([0.5, 0.5, 0.2], 1.0)));
+    solved(&kept);
+    for (lamp, bands) in [(1.0, 1), (1.0, 3), (2.0, 1), (2.0, 2)] {
+        kept.set_materials(paints(lamp), options().continuity).expect("the same cells");
+        kept.raise_bands(bands);
+        let (again, fresh) =
+            (solved(&kept).solution.radiosity, solved(&system(&cube(paints(lamp)))).solution.radiosity);
+        assert_eq!(again.bands(), bands);
+        for band in 0..bands {
+            let off = difference(&fresh, &again.one_band(band));
+            assert!(off < 1e-9, "{lamp} {bands}: {off}");
+        }
+    }
+}
+
 /// Rays know less of an equation that is solved in the joined space than one needs whose reflectance varies on elements.
 #[test]
 fn a_texture_on_a_sampled_operator_is_solved_for_as_from_the_start() {

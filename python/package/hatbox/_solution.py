@@ -81,6 +81,8 @@ class ErrorEstimate:
     """Of the residual, the rest: elements too large for the light on them, and the operator's part."""
     bends: float
     """What joining takes from elements that are joined where faces bend; `continuity="broken"` does not join."""
+    pointwise: list[float]
+    """The residuals relative to the light *there* that half of the area does not exceed, and nine tenths."""
     absorption: float
     """The emitted over the leaving power."""
     operator: float

@@ -314,3 +314,14 @@ pub const ALL: &[Kind] = &[
 pub fn kind(name: &str) -> Option<&'static Kind> {
     if name == AUTO.name { Some(&AUTO) } else { ALL.iter().find(|kind| kind.name == name) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::size;
+
+    #[test]
+    fn sizes_are_told_in_units_that_fit() {
+        let sizes = [5, 1_600_000_000, 17_179_869_184, 9_001_951_000_000_000];
+        assert_eq!(sizes.map(size), ["1 MB", "1600 MB", "18 GB", "9002 TB"]);
+    }
+}

@@ -115,7 +115,7 @@ mod tests {
 
     /// A point with two residuals about 0.5, of which 0.2 is known.
     fn sample(cell: usize, area: f64) -> Sample {
-        Sample { cell, area, bands: vec![[0.4, 0.6, 0.0, 0.2]] }
+        Sample { cell, area, light: None, bands: vec![[0.4, 0.6, 0.0, 0.2]] }
     }
 
     #[test]
@@ -138,9 +138,9 @@ mod tests {
     /// What a few points in bright light are wrong by says nothing of the rest.
     #[test]
     fn a_share_that_two_points_decide_is_none() {
-        let bright = (0..2).map(|_| Sample { cell: 0, area: 0.5, bands: vec![[50.2, 50.2, 0.0, 0.2]] });
+        let bright = (0..2).map(|_| Sample { cell: 0, area: 0.5, light: None, bands: vec![[50.2, 50.2, 0.0, 0.2]] });
         let samples: Vec<Sample> =
-            bright.chain((0..8).map(|_| Sample { cell: 1, area: 0.5, bands: vec![[0.2; 4]] })).collect();
+            bright.chain((0..8).map(|_| Sample { cell: 1, area: 0.5, light: None, bands: vec![[0.2; 4]] })).collect();
         let means = part_means(&system(), &samples, &lit([1e4, 1.0]), None);
         assert!(means.as_slice().iter().all(|mean| (mean - 10.0).abs() < 1e-12), "{means:?}");
     }
@@ -152,6 +152,7 @@ mod tests {
             .map(|k| Sample {
                 cell: k % 2,
                 area: 0.5,
+                light: None,
                 bands: vec![if k % 2 == 0 { [0.0; 4] } else { [0.05, 0.05, 0.0, 0.0] }],
             })
             .collect();

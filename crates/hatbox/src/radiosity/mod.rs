@@ -15,6 +15,7 @@ mod indicator;
 mod lossless;
 mod means;
 mod operators;
+mod pointwise;
 mod products;
 mod reconstruct;
 mod residual;

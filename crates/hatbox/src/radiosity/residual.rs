@@ -27,6 +27,7 @@
 
 use super::indicator::indicated;
 use super::means::part_means;
+use super::pointwise::quantiles;
 use super::spread::{Spread, carried_around};
 use super::{Shown, Solution, System};
 use crate::exchange::Exchange;
@@ -72,6 +73,9 @@ pub struct ErrorEstimate {
     /// reflected once more. 0 of broken functions, and of flat faces. A sampled operator's light is averaged over joined
     /// elements, but for that of lamps: there, only lamps' is in it.
     pub bends: f64,
+    /// The residual relative to the light *there* that half of the area does not exceed, and nine tenths: whatever little of the scene has
+    /// most of its light and so decides the norm. Light counts as a hundredth of its mean at the least.
+    pub pointwise: [f64; 2],
     /// Emitted over leaving power, 1 − ρ for the scene as a whole.
     pub absorption: f64,
     /// Computation: what errors of the operator (quadrature and visibility) change of the reflected light, as known when it
@@ -153,6 +157,7 @@ pub fn estimate_error(
         data: worst(&data),
         discretisation: worst(&|band| root(residual(band).powi(2) - data(band).powi(2))),
         bends: worst(&|band| relative(bends[band], band)),
+        pointwise: quantiles(samples.iter().filter(|sample| measure.counts(sample.cell))),
         absorption: -(0..solution.bands()).map(absorption).fold(-1.0, greater),
         operator: worst(&|band| relative(spread[band].hypot(doubt[band].sqrt()), band)),
         solver: info.residual,
@@ -175,6 +180,8 @@ pub(super) struct Sample {
     pub(super) cell: usize,
     /// 1/density, in m²: what the point would stand for if it were the only one.
     pub(super) area: f64,
+    /// The reflected light there, the sum of all bands, if the material reflects any.
+    pub(super) light: Option<f64>,
     /// Per band: the two independent residuals, what projection of the data costs, and the known part g − B̃ of the residual.
     pub(super) bands: Vec<[f64; 4]>,
 }
@@ -340,9 +347,13 @@ impl<'a> Measure<'a> {
             [b0 + r * first[band] - b, b0 + r * second[band] - b, b0 + r * e - projected, projected - b]
         };
         let bands = (0..self.solution.bands()).map(of).collect();
+        let reflectances: Vec<f64> =
+            (0..self.solution.bands()).map(|band| material.reflectance.at(&site, band)).collect();
+        let light = || reflectances.iter().zip(first.iter().zip(&second)).map(|(r, (a, b))| 0.5 * r * (a + b)).sum();
+        let light = reflectances.iter().any(|&r| r > 0.0).then(light);
         // Reference coordinates are uniform; on a quad that is no parallelogram the points are not.
         let stretch = patch.jacobian(at) * patch.shape().reference_area() / patch.area();
-        Sample { cell, area: stretch * spread.area(cell), bands }
+        Sample { cell, area: stretch * spread.area(cell), light, bands }
     }
 
     /// The irradiance at a point, twice and independently: by the operator if it can, else gathered from all panels.

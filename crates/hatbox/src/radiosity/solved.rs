@@ -189,12 +189,24 @@ impl System {
     /// # Errors
     /// [`Error`], but for [`Error::Solve`] and [`Error::Refine`].
     pub fn of_cells(scene: Scene, options: &Options, progress: &dyn Progress) -> Result<Self, Error> {
+        let blockers = Arc::new(Bvh::of_surfaces(&scene.surfaces));
+        let strengths = strengths(&scene, &blockers);
+        Self::of_strengths(scene, blockers, strengths, options, progress)
+    }
+
+    /// The same among the faces of the scene in their tree, if light from each cell counts so strongly.
+    pub(crate) fn of_strengths(
+        scene: Scene,
+        blockers: Arc<Bvh>,
+        strengths: Vec<f64>,
+        options: &Options,
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
         let started = Instant::now();
         let space = FunctionSpace::new(&scene, options.basis, options.continuity)?;
-        let blockers = Arc::new(Bvh::of_surfaces(&scene.surfaces));
         let params = exchange::Params {
             seed: options.seed,
-            strengths: strengths(&scene, &blockers),
+            strengths,
             memory: options.memory,
             ..exchange::Params::new(options.tolerance)
         };

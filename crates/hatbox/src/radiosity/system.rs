@@ -218,11 +218,10 @@ impl System {
     /// The relative L2 error of the reflected light that the operator makes, the worst band's: the norm of
     /// [`operator_spread`](Self::operator_spread).
     pub fn operator_error(&self, solution: &Solution) -> f64 {
-        let mut light = self.reflected_once_more(solution);
-        light.add_scaled(-1.0, &self.projected_emission());
         let norms = |x: &MultiVector| x.dot(&self.mass.times(x));
         let relative = |(error, norm): (f64, f64)| if norm == 0.0 { 0.0 } else { (error / norm).sqrt() };
-        norms(&self.operator_spread(solution)).into_iter().zip(norms(&light)).map(relative).fold(0.0, greater)
+        let light = norms(&self.reflected(solution));
+        norms(&self.operator_spread(solution)).into_iter().zip(light).map(relative).fold(0.0, greater)
     }
 
     /// A function as large as the error of the reflected light that the operator makes, in the broken space.
@@ -407,23 +406,27 @@ impl System {
 
     /// Where the power of a solution goes.
     pub fn energy(&self, solution: &Solution) -> Energy {
-        let emitted = self.load();
-        let left = self.mass.times(&solution.radiosity);
+        let total = |x: &[f64]| x.iter().sum::<f64>();
+        // ∫ of each band of a function, one at a time: of millions of cells each vector is large.
+        let integrals = |function: &MultiVector| -> Vec<f64> {
+            (0..function.bands()).map(|band| total(self.mass.times(&function.one_band(band)).as_slice())).collect()
+        };
         // Joining keeps the power of what is joined, and that is of one material: where R does not vary on it, the
         // irradiance has the sums of what arrived.
-        let arrived = if self.is_reflectance_uniform() {
-            self.mass.times(&solution.irradiance)
+        let irradiance = if self.is_reflectance_uniform() {
+            Cow::Borrowed(&solution.irradiance)
         } else {
-            self.exchange.times(&solution.radiosity)
+            Cow::Owned(self.mass_inverse.times(&self.exchange.times(&solution.radiosity)))
         };
-        let reflected = self.weighted_mass().times(&self.mass_inverse.times(&arrived));
-        let total = |x: &MultiVector, band: usize| x.band(band).iter().sum::<f64>();
-        let bands = 0..self.scene.bands;
+        let reflected = self.weighted_mass().times(&irradiance);
+        let [leaving, arrived] = [&solution.radiosity, &*irradiance].map(integrals);
+        let less = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect();
+        let reflected: Vec<f64> = reflected.iter_bands().map(total).collect();
         Energy {
-            emitted: bands.clone().map(|b| total(emitted, b)).collect(),
-            leaving: bands.clone().map(|b| total(&left, b)).collect(),
-            absorbed: bands.clone().map(|b| total(&arrived, b) - total(&reflected, b)).collect(),
-            escaped: bands.map(|b| total(&left, b) - total(&arrived, b)).collect(),
+            emitted: self.load().iter_bands().map(total).collect(),
+            absorbed: less(&arrived, &reflected),
+            escaped: less(&leaving, &arrived),
+            leaving,
         }
     }
 

@@ -33,7 +33,9 @@ use rayon::prelude::*;
 use std::ops::Range;
 use tree::{NOWHERE, Tree};
 
-/// The greatest number of planes, the largest ones: each meets all others.
+/// The largest planes meet each other: those that together have so much of the area, and so many at the most. In a furnished building
+/// small ones are thousands, and hardly any of their pairs is clear and carries light that is worth a link.
+const MOST_AREA: f64 = 0.9;
 const PLANES: usize = 2048;
 /// Tolerances from which on so many points of an axis do.
 const ORDERS: [(f64, usize); 2] = [(0.02, 3), (0.003, 4)];
@@ -313,7 +315,14 @@ fn add(y: &mut [f64], a: f64, x: &[f64]) {
 fn all_links(search: &Search<'_>, progress: &dyn Progress) -> Result<Vec<Link>, Interrupted> {
     let clusters = &search.tree.clusters;
     let mut roots: Vec<u32> = search.tree.planes.iter().map(|plane| plane.start).collect();
-    roots.sort_by(|&a, &b| clusters[b as usize].area.total_cmp(&clusters[a as usize].area).then(a.cmp(&b)));
+    let area = |root: u32| clusters[root as usize].area;
+    roots.sort_by(|&a, &b| area(b).total_cmp(&area(a)).then(a.cmp(&b)));
+    let (all, mut larger) = (roots.iter().map(|&root| area(root)).sum::<f64>(), 0.0);
+    roots.retain(|&root| {
+        let before = larger;
+        larger += area(root);
+        before < MOST_AREA * all
+    });
     roots.truncate(PLANES);
     progress.begin("linking", roots.len() as u64);
     let of = |k: usize| {

@@ -397,7 +397,7 @@ impl Exchange for Sampled {
 
     fn steady(&self, x: &MultiVector) -> Option<MultiVector> {
         // Light through links is not steady: neighbours have other links, and their rays bring what these leave.
-        Some(self.lamps_alone(x))
+        (self.lamps.len() > 0).then(|| self.lamps_alone(x))
     }
 
     fn steady_noise(&self, x: &MultiVector) -> Option<MultiVector> {

@@ -52,6 +52,7 @@ impl System {
         {
             self.rejoin(space);
         }
+        self.strengths = OnceLock::new();
         self.reflectance = OnceLock::new();
         self.operator_time = Duration::ZERO;
         Ok(())
@@ -69,7 +70,6 @@ impl System {
 
     /// What follows from how materials shine.
     fn forget_emission(&mut self) {
-        self.strengths = OnceLock::new();
         self.load = OnceLock::new();
         self.emission = OnceLock::new();
     }
