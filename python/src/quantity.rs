@@ -10,6 +10,8 @@ use std::sync::{Arc, Mutex, PoisonError, RwLock};
 #[derive(Default)]
 pub(crate) struct Fault {
     set: AtomicBool,
+    /// Whether there has ever been one.
+    known: AtomicBool,
     error: Mutex<Option<PyErr>>,
 }
 
@@ -17,6 +19,11 @@ impl Fault {
     /// Whether there is one: the work is then in vain.
     pub(crate) fn is_set(&self) -> bool {
         self.set.load(Ordering::Relaxed)
+    }
+
+    /// Whether there has ever been one: what was integrated then is nonsense.
+    pub(crate) fn is_known(&self) -> bool {
+        self.known.load(Ordering::Relaxed)
     }
 
     /// The exception, to be raised; the next work begins afresh.
@@ -27,6 +34,7 @@ impl Fault {
 
     fn put(&self, error: PyErr) {
         self.error.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+        self.known.store(true, Ordering::Relaxed);
         self.set.store(true, Ordering::Relaxed);
     }
 }

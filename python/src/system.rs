@@ -101,6 +101,18 @@ fn shown(
     if gather { Ok(radiosity::gathered(&solution, seed, progress)?) } else { Ok(solution) }
 }
 
+impl System {
+    /// The system, with its materials integrated again if a function of theirs has ever raised an exception.
+    fn intact(&self) -> Arc<radiosity::System> {
+        if !self.fault.is_known() {
+            return Arc::clone(&self.inner);
+        }
+        let mut system = (*self.inner).clone();
+        system.forget_materials();
+        Arc::new(system)
+    }
+}
+
 #[pymethods]
 impl System {
     /// Subdivides the scene and builds the operator.
@@ -169,7 +181,7 @@ impl System {
     ) -> PyResult<Solution> {
         let options = Options { solver: solver_kind(solver)?, error_points, ..self.options };
         run(py, threads.or(self.threads), reporter, &self.fault, |progress| {
-            let solved = self.inner.solved(&options, progress)?;
+            let solved = self.intact().solved(&options, progress)?;
             let report = Report::new(&self.given, &solved);
             let solution = shown(solved.solution, gather, options.seed, progress)?;
             Ok::<_, Failure>(Solution::new(solution, report))
@@ -184,7 +196,7 @@ impl System {
         bands: usize,
     ) -> PyResult<Self> {
         let materials = repainted(&self.given, reflectance, exitance, &self.fault);
-        let mut system = (*self.inner).clone();
+        let mut system = (*self.intact()).clone();
         system.set_materials(materials.clone(), self.options.continuity).map_err(exception)?;
         system.raise_bands(bands);
         let given = scene::Scene { materials, bands: system.scene.bands, ..(*self.given).clone() };

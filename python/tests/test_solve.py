@@ -202,6 +202,23 @@ def test_what_a_function_raises_the_solve_raises() -> None:
             hatbox.solve(scene, elements=60)
 
 
+def test_what_was_integrated_while_a_function_raised_is_integrated_again() -> None:
+    fails = [True]
+
+    def glow(points: np.ndarray) -> np.ndarray:
+        if fails[0] and points[0, 0] > 0.5:
+            raise ValueError("not yet")
+        return 1.0 + points[:, 0]
+
+    exact = hatbox.solve(cube(0.5, lambda p: 1.0 + p[:, 0]), elements=60, tolerance=1e-3, error_points=0)
+    system = hatbox.System(cube(0.5, glow), elements=60, tolerance=1e-3)
+    with pytest.raises(ValueError, match="not yet"):
+        system.solve(error_points=0)
+    fails[0] = False
+    for solution in (system.solve(error_points=0), system.with_materials(0.5).solve(error_points=0)):
+        np.testing.assert_allclose(solution.radiosity, exact.radiosity, rtol=1e-9)
+
+
 @pytest.mark.parametrize(("value", "words"), [(1.5, "reflects 1.5"), (np.nan, "reflects nan"), (-0.1, "reflects -0.1")])
 def test_impossible_values_of_a_function_are_caught(value: float, words: str) -> None:
     scene = cube(lambda p: np.where(p[:, 2] > 0.5, value, 0.5))

@@ -204,9 +204,8 @@ fn error(lines: &mut Lines, report: &Report) {
         seconds(error.seconds)
     ));
     let [half, most] = error.pointwise.map(percent);
-    lines.more(&format!(
-        "point by point, of the light there: at most {half} on half of the area, {most} on nine tenths"
-    ));
+    lines
+        .more(&format!("point by point: at most {half} of the light there on half of the area, {most} on nine tenths"));
     let Some(adaptivity) = &report.adaptivity else { return };
     if let Some(bright) = report.bright.as_ref().filter(|bright| bright.area < LITTLE) {
         let (area, objects) = (percent(bright.area), bright.objects.join("`, `"));

@@ -112,14 +112,16 @@ impl LinearOperator for Mass<'_> {
 pub(super) enum RoughInverse {
     /// Exact, where nothing is joined.
     Blocks(BlockDiagonal),
-    /// The inverse of the diagonal of the joined matrix. With it that has its eigenvalues in `spectrum`, but for hanging nodes.
-    Diagonal { joined: Arc<Csr>, inverse: Diagonal, spectrum: [f64; 2] },
+    /// The inverse of the diagonal of the joined matrix. With it that has its eigenvalues in `spectrum`, unless nodes hang: those
+    /// functions are joined with shares.
+    Diagonal { joined: Arc<Csr>, inverse: Diagonal, spectrum: [f64; 2], hanging: bool },
 }
 
 impl RoughInverse {
     pub(super) fn new(join: &Join, [mass, inverse]: [&BlockDiagonal; 2]) -> Self {
         match &join.matrices {
-            Some([.., joined]) => Self::Diagonal {
+            Some([c, _, joined]) => Self::Diagonal {
+                hanging: (0..c.rows()).into_par_iter().any(|row| c.row(row).count() > 1),
                 joined: Arc::clone(joined),
                 inverse: Diagonal(joined.diagonal().into_iter().map(|d| 1.0 / d).collect()),
                 spectrum: mass.scaled_spectrum(),
@@ -129,7 +131,7 @@ impl RoughInverse {
     }
 }
 
-/// (CᵀΔC)⁻¹, by Chebyshev's iteration where it is no block matrix, and by conjugate gradients for what that leaves.
+/// (CᵀΔC)⁻¹, by Chebyshev's iteration where it is no block matrix, and by conjugate gradients for what that leaves where nodes hang.
 ///
 /// It is the preconditioner of the equation: with the inverse of the diagonal alone the solver has to invert the mass matrix,
 /// too, at the price of a product with S each time. To add what the equation gives on a thousand clusters of cells was tried
@@ -153,9 +155,12 @@ impl LinearOperator for InverseMass<'_> {
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
         match self.rough {
             RoughInverse::Blocks(inverse) => inverse.apply(x, y),
-            RoughInverse::Diagonal { joined, inverse, spectrum } => {
+            RoughInverse::Diagonal { joined, inverse, spectrum, hanging } => {
                 let scaled = Scaled { matrix: joined, inverse_diagonal: &inverse.0, spectrum: *spectrum };
                 chebyshev(&scaled, x, y, self.tolerance);
+                if !hanging {
+                    return;
+                }
                 let params = Params { tolerance: self.tolerance, max_iterations: 200, ..Params::default() };
                 // Rounding may keep it from the last digit; what is reached is what can be.
                 let _ = cg(&**joined, inverse, x, y, &params, &Silent);

@@ -1,43 +1,63 @@
-//! What single points err by, relative to the light there.
+//! By how much of the light *there* the residual is off, point by point.
 //!
-//! The norm of all light squares it: where a lamp stands in a bright housing, a solution may be within a percent of that and half as
-//! bright as it should be everywhere else. So the points of the estimate are asked as well what each of them would call its error.
+//! The norm of all light squares it: where a lamp stands in a bright housing, a solution may be within a percent of that norm, and far
+//! off in the room that it lights. So the points of the estimate are asked by how much of their own light they disagree with what
+//! the solution sends them. (What errors elsewhere cause is not in it: who agrees with a wrong source has no residual.)
+//!
+//! Where rays tell what arrives, each point has two independent residuals. Half of their sum has the noise that half of their
+//! difference is a sample of. Squares of the two quantiles are subtracted, as if both were normal: where there is nothing but noise,
+//! nothing is left. The root of the product of both residuals, which has no noise in its mean square, was tried, and has a
+//! quantile of noise all the same.
 
 use super::residual::Sample;
 
 /// Of the area that reflects.
 const SHARES: [f64; 2] = [0.5, 0.9];
-/// Light counts as this part of the mean at the least: in the dark every error is more than all light.
+/// Light counts as this part of its mean at the least: in the dark every error is more than all light.
 const LEAST_LIGHT: f64 = 0.01;
 
-/// The relative residuals that half and nine tenths of the area do not exceed, from points that stand for their areas. All bands of
-/// a point are taken together.
-pub(super) fn quantiles<'a>(samples: impl Iterator<Item = &'a Sample> + Clone) -> [f64; 2] {
-    let area: f64 = samples.clone().map(|sample| sample.area).sum();
-    let mean = samples.clone().map(|sample| sample.area * sample.light.unwrap_or(0.0)).sum::<f64>() / area;
-    let residual = |sample: &Sample| -> f64 {
-        // Independent residuals, of which the product has no noise on the average.
-        sample.bands.iter().map(|[first, second, ..]| (first * second).max(0.0).sqrt()).sum()
+/// The relative residuals that half and nine tenths of the area that reflects do not exceed, from points that stand for their areas.
+/// All bands of a point are taken together.
+pub(super) fn quantiles<'a>(samples: impl Iterator<Item = &'a Sample>) -> [f64; 2] {
+    let lit: Vec<(&Sample, f64)> = samples.filter_map(|sample| Some((sample, sample.light?))).collect();
+    let area: f64 = lit.iter().map(|(sample, _)| sample.area).sum();
+    let mean = lit.iter().map(|(sample, light)| sample.area * light).sum::<f64>() / area;
+    if mean == 0.0 || lit.is_empty() {
+        return [0.0; 2];
+    }
+    let relative = |(sample, light): &(&Sample, f64), of: fn(f64, f64) -> f64| {
+        let sum: f64 = sample.bands.iter().map(|&[first, second, ..]| 0.5 * of(first, second).abs()).sum();
+        [sum / light.max(LEAST_LIGHT * mean), sample.area]
     };
-    let mut known: Vec<[f64; 2]> = samples
-        .filter_map(|sample| Some([residual(sample) / sample.light?.max(LEAST_LIGHT * mean), sample.area]))
-        .filter(|[error, _]| error.is_finite())
-        .collect();
+    let [found, noise] = [|a: f64, b: f64| a + b, |a: f64, b: f64| a - b]
+        .map(|of| shares(lit.iter().map(|point| relative(point, of)).collect(), area));
+    [0, 1].map(|share| {
+        let square = found[share].powi(2) - noise[share].powi(2);
+        // No number stays none, as it would not with `max`.
+        if square < 0.0 { 0.0 } else { square.sqrt() }
+    })
+}
+
+/// What the [`SHARES`] of the area do not exceed, from values and areas; no number, if one of them is none.
+fn shares(mut known: Vec<[f64; 2]>, area: f64) -> [f64; 2] {
+    if known.iter().any(|[value, _]| value.is_nan()) {
+        return [f64::NAN; 2];
+    }
     known.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let total: f64 = known.iter().map(|[_, area]| area).sum();
     SHARES.map(|share| {
         let mut sum = 0.0;
-        let reached = known.iter().find(|[_, area]| {
-            sum += area;
-            sum >= share * total
+        let reached = known.iter().find(|[_, area_of]| {
+            sum += area_of;
+            sum >= share * area
         });
-        reached.map_or(0.0, |[error, _]| *error)
+        reached.or(known.last()).map_or(0.0, |[value, _]| *value)
     })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::quadrature::sequence::point;
 
     /// One of ten points stands for half of the area.
     #[test]
@@ -60,9 +80,27 @@ mod tests {
         samples[0].light = Some(0.0);
         found(&samples, [0.9, 2.0]);
         samples[0].light = Some(2.0);
-        // Black faces have no light to err by.
+        // Black faces have no light to err by, and are no part of the mean.
         samples.push(sample(1e9, None, 0.5));
         found(&samples, [0.01, 0.8]);
+        samples[0].light = Some(0.0);
+        found(&samples, [0.9, 2.0]);
         found(&[], [0.0; 2]);
+        found(&[sample(1.0, Some(0.0), 0.0)], [0.0; 2]);
+        samples[3].light = Some(f64::NAN);
+        assert!(quantiles(samples.iter()).iter().all(|error| error.is_nan()), "it would pass for nothing");
+    }
+
+    #[test]
+    fn noise_is_no_error_of_a_point() {
+        let sample = |k: u32, off: f64| {
+            let [u, v, ..] = point(1, k);
+            let noise = [u - 0.5, v - 0.5].map(|x| 0.2 * x + off);
+            Sample { cell: 0, area: 1.0, light: Some(1.0), bands: vec![[noise[0], noise[1], 0.0, 0.0]] }
+        };
+        let of = |off: f64| quantiles((0..4096).map(|k| sample(k, off)).collect::<Vec<_>>().iter());
+        assert!(of(0.0)[1] < 0.01, "{:?}", of(0.0));
+        let [half, most] = of(0.3);
+        assert!((half - 0.3).abs() < 0.01 && (most - 0.35).abs() < 0.02, "{half} {most}");
     }
 }

@@ -73,8 +73,8 @@ pub struct ErrorEstimate {
     /// reflected once more. 0 of broken functions, and of flat faces. A sampled operator's light is averaged over joined
     /// elements, but for that of lamps: there, only lamps' is in it.
     pub bends: f64,
-    /// The residual relative to the light *there* that half of the area does not exceed, and nine tenths: whatever little of the scene has
-    /// most of its light and so decides the norm. Light counts as a hundredth of its mean at the least.
+    /// The residual relative to the light *there* that half of the area that reflects does not exceed, and nine tenths: whatever little
+    /// of the scene has most of its light and so decides the norm. Light counts as a hundredth of its mean at the least.
     pub pointwise: [f64; 2],
     /// Emitted over leaving power, 1 − ρ for the scene as a whole.
     pub absorption: f64,

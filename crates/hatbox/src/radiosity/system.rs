@@ -32,7 +32,8 @@ const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-3];
 /// The mass matrix of joined functions is inverted to these relative residuals: beside an exact operator, and beside a sampled
 /// one, whose noise is a million times that.
 const MASS_TOLERANCES: [f64; 2] = [1e-13, 1e-10];
-/// The same for directions of a search, of which a product leaves far more, and for what noise is averaged to.
+/// The same for directions of a search, of which a product leaves far more (to 1e-4 they took as many), and for what noise is averaged
+/// to.
 const ROUGH_MASS_TOLERANCE: f64 = 1e-2;
 const NOISE_MASS_TOLERANCE: f64 = 1e-4;
 /// Bounces that Neumann's iteration may take at the most.
@@ -409,7 +410,7 @@ impl System {
         let total = |x: &[f64]| x.iter().sum::<f64>();
         // ∫ of each band of a function, one at a time: of millions of cells each vector is large.
         let integrals = |function: &MultiVector| -> Vec<f64> {
-            (0..function.bands()).map(|band| total(self.mass.times(&function.one_band(band)).as_slice())).collect()
+            (0..self.scene.bands).map(|band| total(self.mass.times(&function.one_band(band)).as_slice())).collect()
         };
         // Joining keeps the power of what is joined, and that is of one material: where R does not vary on it, the
         // irradiance has the sums of what arrived.

@@ -33,10 +33,11 @@ use rayon::prelude::*;
 use std::ops::Range;
 use tree::{NOWHERE, Tree};
 
-/// The largest planes meet each other: those that together have so much of the area, and so many at the most. In a furnished building
-/// small ones are thousands, and hardly any of their pairs is clear and carries light that is worth a link.
+/// The largest planes meet each other: those that together have so much of the area.
 const MOST_AREA: f64 = 0.9;
-const PLANES: usize = 2048;
+/// But so many at the least, for a room on a wide ground, and so many at the most. Of thousands of pieces of furniture hardly a pair
+/// is clear and carries light that is worth a link, and all pairs have to be looked at.
+const PLANES: [usize; 2] = [256, 2048];
 /// Tolerances from which on so many points of an axis do.
 const ORDERS: [(f64, usize); 2] = [(0.02, 3), (0.003, 4)];
 /// Of the tolerance, what a link may err.
@@ -318,12 +319,14 @@ fn all_links(search: &Search<'_>, progress: &dyn Progress) -> Result<Vec<Link>, 
     let area = |root: u32| clusters[root as usize].area;
     roots.sort_by(|&a, &b| area(b).total_cmp(&area(a)).then(a.cmp(&b)));
     let (all, mut larger) = (roots.iter().map(|&root| area(root)).sum::<f64>(), 0.0);
-    roots.retain(|&root| {
+    let needed = roots.iter().take_while(|&&root| {
         let before = larger;
         larger += area(root);
         before < MOST_AREA * all
     });
-    roots.truncate(PLANES);
+    let [least, most] = PLANES;
+    let needed = needed.count().clamp(least, most);
+    roots.truncate(needed);
     progress.begin("linking", roots.len() as u64);
     let of = |k: usize| {
         if progress.interrupted() {

@@ -68,6 +68,15 @@ impl System {
         }
     }
 
+    /// Has all that follows from the materials integrated again, for whoever knows that their functions gave nonsense.
+    pub fn forget_materials(&mut self) {
+        self.strengths = OnceLock::new();
+        self.reflectance = OnceLock::new();
+        self.known = Products::default();
+        self.found = OnceLock::new();
+        self.forget_emission();
+    }
+
     /// What follows from how materials shine.
     fn forget_emission(&mut self) {
         self.load = OnceLock::new();
