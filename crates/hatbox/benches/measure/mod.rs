@@ -18,7 +18,8 @@ pub(crate) fn cpu_seconds() -> f64 {
 pub(crate) fn peak_megabytes() -> f64 {
     let text = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = text.lines().find(|line| line.starts_with("VmHWM")).unwrap_or_default();
-    line.split_whitespace().nth(1).and_then(|kb| kb.parse::<f64>().ok()).unwrap_or(0.0) / 1000.0
+    // What Linux calls kB are 1024 bytes.
+    line.split_whitespace().nth(1).and_then(|kb| kb.parse::<f64>().ok()).unwrap_or(0.0) * 1024e-6
 }
 
 /// The scene of a kind of the generator with about so many faces, or a sample or test scene by the name of its file.

@@ -25,37 +25,37 @@ pub(super) fn remove_noise(
     mesh: &Mesh,
     space: &FunctionSpace,
     mass: &BlockDiagonal,
-    functions: [&MultiVector; 2],
+    [change, noise]: [&MultiVector; 2],
     irradiance: &mut [f64],
 ) {
-    let weighted = functions.map(|function| mass.times(function));
-    let square = |of: usize, cell: usize| -> f64 {
-        let [f, w] = [functions[of], &weighted[of]].map(|x| &x.band(0)[space.range(cell)]);
-        f.iter().zip(w).map(|(f, w)| f * w).sum()
-    };
-    let squares: Vec<[f64; 2]> = cells(space).map(|cell| [0, 1].map(|of| square(of, cell))).collect();
     let Some(joined) = space.continuity() else { return };
-    let pooled = pooled(space, joined, &squares);
+    let squares = |function: &MultiVector, weighted: &MultiVector| -> Vec<f64> {
+        let of = |cell: usize| [function, weighted].map(|x| &x.band(0)[space.range(cell)]);
+        cells(space).map(|cell| of(cell)[0].iter().zip(of(cell)[1]).map(|(f, w)| f * w).sum()).collect()
+    };
+    let of_noise = squares(noise, &mass.times(noise));
+    let weighted = mass.times(change);
+    let pooled = pooled(space, joined, [&squares(change, &weighted), &of_noise]);
     let is_noise = |&cell: &usize| pooled[cell][1] > 0.0 && pooled[cell][0] <= MOST * pooled[cell][1];
     let noisy: Vec<usize> = (0..space.cells()).filter(is_noise).collect();
     let mut received: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
     for &cell in &noisy {
         let sums = received.entry(mesh.cells[cell].material).or_default();
-        let more: f64 = weighted[0].band(0)[space.range(cell)].iter().sum();
+        let more: f64 = weighted.band(0)[space.range(cell)].iter().sum();
         *sums = [sums[0] + more, sums[1] + mesh.patch(cell).area()];
     }
     for cell in noisy {
         let [more, area] = received[&mesh.cells[cell].material];
         let places = irradiance[space.range(cell)].iter_mut();
-        let changes = &functions[0].band(0)[space.range(cell)];
+        let changes = &change.band(0)[space.range(cell)];
         places.zip(changes).for_each(|(place, change)| *place += change - more / area);
     }
 }
 
 /// Sums over each cell and those that it is joined with, each as often as it is.
-fn pooled(space: &FunctionSpace, joined: &Csr, of_cells: &[[f64; 2]]) -> Vec<[f64; 2]> {
+fn pooled(space: &FunctionSpace, joined: &Csr, of_cells: [&[f64]; 2]) -> Vec<[f64; 2]> {
     let mut sums = vec![[0.0; 2]; space.dofs()];
-    for (cell, [a, b]) in of_cells.iter().enumerate() {
+    for (cell, (a, b)) in of_cells[0].iter().zip(of_cells[1]).enumerate() {
         for dof in space.range(cell) {
             joined.row(dof).for_each(|(unknown, _)| sums[unknown] = [sums[unknown][0] + a, sums[unknown][1] + b]);
         }

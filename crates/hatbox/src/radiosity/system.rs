@@ -357,11 +357,8 @@ impl System {
         // One band at a time: of millions of cells each of these functions is large.
         for band in 0..solution.bands() {
             let Some(noise) = self.exchange.steady_noise(&solution.radiosity.one_band(band)) else { break };
-            let steady = steady.one_band(band);
-            let averaged = averaging.times(&self.join.collect(Cow::Borrowed(&steady)));
-            let mut change = self.join.spread(&averaged).into_owned();
-            change.add_scaled(-1.0, &self.mass_inverse.times(&steady));
             let noise = self.mass_inverse.times(&noise);
+            let change = self.change_by(&averaging, &steady.one_band(band));
             remove_noise(
                 &self.scene.mesh,
                 &self.space,
@@ -371,6 +368,14 @@ impl System {
             );
         }
         solution
+    }
+
+    /// What averaging changes of the broken function with these integrals.
+    fn change_by(&self, averaging: &InverseMass<'_>, integrals: &MultiVector) -> MultiVector {
+        let averaged = averaging.times(&self.join.collect(Cow::Borrowed(integrals)));
+        let mut change = self.join.spread(&averaged).into_owned();
+        change.add_scaled(-1.0, &self.mass_inverse.times(integrals));
+        change
     }
 
     /// The irradiance with these integrals against the broken functions. It is the projection Δ⁻¹ S b onto the *broken*
