@@ -32,10 +32,10 @@ const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-3];
 /// The mass matrix of joined functions is inverted to these relative residuals: beside an exact operator, and beside a sampled
 /// one, whose noise is a million times that.
 const MASS_TOLERANCES: [f64; 2] = [1e-13, 1e-10];
-/// The same for directions of a search, of which a product leaves far more (to 1e-4 they took as many), and for what noise is averaged
-/// to.
-const ROUGH_MASS_TOLERANCE: f64 = 1e-2;
-const NOISE_MASS_TOLERANCE: f64 = 1e-4;
+/// The same for directions of a search. A product leaves far more of the residual; but the light of a furnace, which is
+/// constant, is found to this in a few products, whatever the solver's tolerance (to 1e-2, quadratic functions had a thousandth of it
+/// wrong). And for what noise is averaged to.
+const ROUGH_MASS_TOLERANCE: f64 = 1e-4;
 /// Bounces that Neumann's iteration may take at the most.
 const MOST_BOUNCES: usize = 100_000;
 /// Steps of Arnoldi's method for the norm of the operator: an exact one costs little to apply, a sampled one has its
@@ -353,7 +353,7 @@ impl System {
     /// A solution whose irradiance is averaged also where what is steady in it is noise.
     fn without_noise(&self, mut solution: Solution, steady: Option<MultiVector>) -> Solution {
         let Some(steady) = steady.filter(|_| self.space.continuity().is_some()) else { return solution };
-        let averaging = InverseMass { tolerance: NOISE_MASS_TOLERANCE, ..self.inverse_mass() };
+        let averaging = InverseMass { tolerance: ROUGH_MASS_TOLERANCE, ..self.inverse_mass() };
         // One band at a time: of millions of cells each of these functions is large.
         for band in 0..solution.bands() {
             let Some(noise) = self.exchange.steady_noise(&solution.radiosity.one_band(band)) else { break };
