@@ -128,7 +128,7 @@ fn a_lamp_whose_light_arrives_nowhere_is_warned_of() {
 fn more_elements_than_memory_are_refused() {
     let folder = Folder::new();
     for command in [["solve", "--operator=dense"], ["factors", "--threads=2"]] {
-        let refused = ["cube.obj", "allowed", "fewer"];
+        let refused = ["cube.obj", "more than the", "fewer"];
         fail(&folder, 1, hatbox().args(command).arg(sample(CUBE)).args(["--elements", "300000"]), &refused);
     }
 }
