@@ -22,7 +22,7 @@
 //! borders of half-shadows, and quadratic functions do pay there.
 //!
 //! What a round has found to be bright, such as the inside of a lamp's housing, is no lamp of the next round's rays. That was tried, from
-//! ten times the mean irradiance on: what such a lamp on a post lights became three times as exact, but inside a bright housing
+//! ten times the mean irradiance on: what such a lamp on a post lights became more exact, but inside a bright housing
 //! faces that fill each other's view were sampled as lamps are, far worse than by rays.
 //!
 //! Every round builds its operator afresh. Blocks of cells that did not change could be copied from the last one: vertices

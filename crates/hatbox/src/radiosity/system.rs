@@ -33,8 +33,8 @@ const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-3];
 /// one, whose noise is a million times that.
 const MASS_TOLERANCES: [f64; 2] = [1e-13, 1e-10];
 /// The same for directions of a search. A product leaves far more of the residual; but the light of a furnace, which is
-/// constant, is found to this in a few products, whatever the solver's tolerance (to 1e-2, quadratic functions had a thousandth of it
-/// wrong). And for what noise is averaged to.
+/// constant, is found to this in a few products, whatever the solver's tolerance (to 1e-2, quadratic functions missed it:
+/// `what_is_covered_sees_nothing_and_the_rest_of_the_room_is_closed`). And for what noise is averaged to.
 const ROUGH_MASS_TOLERANCE: f64 = 1e-4;
 /// Bounces that Neumann's iteration may take at the most.
 const MOST_BOUNCES: usize = 100_000;
