@@ -366,26 +366,6 @@ fn power_is_balanced_in_a_bright_room() {
     }
 }
 
-/// Of planes only the largest are linked: a ground alone is more than nine tenths of all area.
-#[test]
-fn a_room_on_a_wide_ground_keeps_its_links() {
-    let mut room = meshes::room(DVec3::new(2.0, 1.0, 1.5), |_| true);
-    room.cells[0].material = 1;
-    let links = |edge: f64| {
-        let mut mesh = room.refined(Refinement::Elements(2000)).expect("refined");
-        let ground = [(-edge, -edge), (edge, -edge), (edge, edge), (-edge, edge)];
-        meshes::face(&mut mesh, &ground.map(|(x, y)| DVec3::new(x, y, -1.0)), 0);
-        let lamp = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("lamp", 0.0) };
-        let materials = vec![Material::diffuse("walls", 0.5), lamp];
-        let scene = Scene::new(mesh.triangulated(), materials, Physics::Light, None).expect("valid");
-        let kind = exchange::kind("hierarchical").expect("a kind");
-        let options = Options { refinement: Refinement::None, tolerance: 0.02, ..options(kind, &BASES[1]) };
-        solve(&scene, &options, &Silent).expect("solved").operator.pairs
-    };
-    let (small, wide) = (links(1.0), links(1000.0));
-    assert!(wide > 0 && wide <= small, "{wide} {small}");
-}
-
 #[test]
 fn nothing_goes_through_a_wall() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/two-rooms-walled.glb");

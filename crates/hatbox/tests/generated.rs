@@ -1,10 +1,11 @@
-//! The scenes that `examples/generate` makes are sound.
+//! The scenes that `examples/generate` makes are sound, and what operators for large scenes make of these and others.
 
 #[path = "../examples/generate/kinds/mod.rs"]
 mod kinds;
 #[expect(dead_code, reason = "not every test needs every mesh")]
 mod meshes;
 
+use glam::DVec3;
 use hatbox::check::Lighting;
 use hatbox::exchange::{self, Problem};
 use hatbox::io::read_scene;
@@ -12,7 +13,7 @@ use hatbox::linalg::{LinearOperator, MultiVector};
 use hatbox::mesh::Refinement;
 use hatbox::progress::Silent;
 use hatbox::radiosity::{Options, System, solve};
-use hatbox::scene::{Material, Physics, Scene};
+use hatbox::scene::{Material, Physics, Quantity, Scene};
 use hatbox::visibility::Bvh;
 
 fn scene(kind: &kinds::Kind, elements: usize) -> (Scene, bool) {
@@ -133,4 +134,33 @@ fn borders_of_shadows_within_elements_are_seen_by_rays() {
             assert!((0.5..2.0).contains(&(estimate / error)), "{kind}, {tolerance}: {error}, estimated {estimate}");
         }
     }
+}
+
+/// Of planes only the largest are linked: a ground alone is more than nine tenths of all area.
+#[test]
+fn a_room_on_a_wide_ground_keeps_its_links() {
+    let mut room = meshes::room(DVec3::new(2.0, 1.0, 1.5), |_| true);
+    room.cells[0].material = 1;
+    let links = |edge: f64| {
+        let mut mesh = room.refined(Refinement::Elements(2000)).expect("refined");
+        let (parts, side) = (10, edge / 10.0);
+        for (x, y) in (0..parts).flat_map(|x| (0..parts).map(move |y| (f64::from(x), f64::from(y)))) {
+            let piece = [(x, y), (x + 1.0, y), (x + 1.0, y + 1.0), (x, y + 1.0)];
+            meshes::face(&mut mesh, &piece.map(|(x, y)| DVec3::new(side * x, side * y, -1.0)), 0);
+        }
+        let lamp = Material { exitance: Quantity::gray(1.0), ..Material::diffuse("lamp", 0.0) };
+        let materials = vec![Material::diffuse("walls", 0.5), lamp];
+        let scene = Scene::new(mesh.triangulated(), materials, Physics::Light, None).expect("valid");
+        let kind = exchange::kind("hierarchical").expect("a kind");
+        let options = Options {
+            operator: kind,
+            refinement: Refinement::None,
+            tolerance: 0.02,
+            error_points: 0,
+            ..Options::default()
+        };
+        solve(&scene, &options, &Silent).expect("solved").operator.pairs
+    };
+    let (small, wide) = (links(1.0), links(1000.0));
+    assert!(wide > 0 && wide <= small, "{wide} {small}");
 }
