@@ -146,11 +146,11 @@ fn light(facets: usize, kind: &str, tolerance: f64) {
         tolerance,
         ..Options::default()
     };
-    let started = Instant::now();
+    let (started, cpu) = (Instant::now(), cpu_seconds());
     let system = System::build(&scene, &options, &Silent).expect("built");
-    let build = started.elapsed().as_secs_f64();
+    let (build, build_cpu) = (started.elapsed().as_secs_f64(), cpu_seconds() - cpu);
     let blockers = Bvh::of_surfaces(&scene.surfaces);
-    let (mut direct, mut solve, mut iterations) = (0.0, 0.0, 0);
+    let (mut direct, mut solve, mut solve_cpu, mut iterations) = (0.0, 0.0, 0.0, 0);
     for batch in (0..SUNS).collect::<Vec<_>>().chunks(BATCH) {
         let started = Instant::now();
         let loads = MultiVector::from_bands(
@@ -158,15 +158,22 @@ fn light(facets: usize, kind: &str, tolerance: f64) {
             batch.iter().flat_map(|&sun| reflected(&system, &blockers, sun)).collect(),
         );
         direct += started.elapsed().as_secs_f64();
-        let started = Instant::now();
+        let (started, cpu) = (Instant::now(), cpu_seconds());
         let solver = system.best_solver();
         let params = system.solver_params(solver);
         let (_, info) = system.solve_for(&loads.expect("whole columns"), solver, &params, &Silent).expect("solved");
-        (solve, iterations) = (solve + started.elapsed().as_secs_f64(), iterations.max(info.iterations));
+        (solve, solve_cpu) = (solve + started.elapsed().as_secs_f64(), solve_cpu + cpu_seconds() - cpu);
+        iterations = iterations.max(info.iterations);
     }
     println!("terrain    {kind:<12} facets {}, {SUNS} suns", system.space.cells());
     println!("build {build:.1} s, direct {direct:.1} s, solve {solve:.1} s ({iterations} iterations)");
-    println!("(build + solve)/build {:.2}, peak {:.0} MB", (build + solve) / build, peak_megabytes());
+    let quotients = [(build + solve) / build, (build_cpu + solve_cpu) / build_cpu];
+    println!(
+        "(build + solve)/build {:.2}, of CPU time {:.2}; peak {:.0} MB",
+        quotients[0],
+        quotients[1],
+        peak_megabytes()
+    );
 }
 
 /// What the facets reflect of a sun of 1 W/m², times their areas.

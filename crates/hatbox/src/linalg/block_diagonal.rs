@@ -237,10 +237,9 @@ impl BlockDiagonal {
         self.offsets[block] as usize..self.offsets[block + 1] as usize
     }
 
-    /// The rows of some blocks.
+    /// The rows of some blocks, from the part of x that they act on.
     fn apply_some(&self, band: usize, blocks: Range<usize>, x: &[f64], y: &mut [f64]) {
-        let (start, end) = (self.offsets[blocks.start] as usize, self.offsets[blocks.end] as usize);
-        let (blocks, x) = (blocks.map(|block| self.of(band, block)), &x[start..end]);
+        let blocks = blocks.map(|block| self.of(band, block));
         match self.size {
             Some(1) => apply_alike::<1>(blocks, x, y),
             Some(3) => apply_alike::<3>(blocks, x, y),
@@ -257,6 +256,28 @@ impl BlockDiagonal {
             }
         }
     }
+
+    /// Calls `act` for pieces of y, band by band: the band, the blocks, their rows, those of y.
+    fn in_pieces(&self, y: &mut MultiVector, act: impl Fn(usize, Range<usize>, Range<usize>, &mut [f64]) + Sync) {
+        let blocks = |part: usize| part * LEAST_BLOCKS..((part + 1) * LEAST_BLOCKS).min(self.blocks());
+        let row = |block: usize| self.offsets[block] as usize;
+        let ends = (0..self.blocks().div_ceil(LEAST_BLOCKS)).map(|part| row(blocks(part).end));
+        y.parts_until(ends).into_par_iter().enumerate().for_each(|(part, y)| {
+            let blocks = blocks(part);
+            for (band, y) in y.into_iter().enumerate() {
+                act(band, blocks.clone(), row(blocks.start)..row(blocks.end), y);
+            }
+        });
+    }
+
+    /// The product with x, whose first band is this one of these, in the memory of x.
+    pub(crate) fn times_from(&self, first: usize, mut x: MultiVector) -> MultiVector {
+        self.in_pieces(&mut x, |band, blocks, _, x| {
+            let before = x.to_vec();
+            self.apply_some(first + band, blocks, &before, x);
+        });
+        x
+    }
 }
 
 impl LinearOperator for BlockDiagonal {
@@ -267,13 +288,10 @@ impl LinearOperator for BlockDiagonal {
         self.rows()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        let blocks = |part: usize| part * LEAST_BLOCKS..((part + 1) * LEAST_BLOCKS).min(self.blocks());
-        let ends = (0..self.blocks().div_ceil(LEAST_BLOCKS)).map(|part| self.offsets[blocks(part).end] as usize);
-        y.parts_until(ends).into_par_iter().enumerate().for_each(|(part, y)| {
-            for (band, (y, x)) in y.into_iter().zip(x.iter_bands()).enumerate() {
-                self.apply_some(band, blocks(part), x, y);
-            }
-        });
+        self.in_pieces(y, |band, blocks, rows, y| self.apply_some(band, blocks, &x.band(band)[rows], y));
+    }
+    fn times_owned(&self, x: MultiVector) -> MultiVector {
+        self.times_from(0, x)
     }
 }
 

@@ -33,6 +33,11 @@ pub trait LinearOperator: Sync {
         self.apply(x, &mut y);
         y
     }
+
+    /// `A x`, in the memory of x where the operator can.
+    fn times_owned(&self, x: MultiVector) -> MultiVector {
+        self.times(&x)
+    }
 }
 
 /// The identity, where an operator is asked for and nothing is to be done.

@@ -62,6 +62,18 @@ impl MultiVector {
         Self { rows: self.rows, bands: 1, data: self.band(band).to_vec() }
     }
 
+    /// Some bands, each divided by its number of these.
+    #[must_use]
+    pub(crate) fn some_over(&self, bands: &[usize], divisors: &[f64]) -> Self {
+        let mut some = Self::zeros(self.rows, bands.len());
+        let columns = some.data.par_chunks_mut(self.rows.max(1)).zip(bands);
+        columns.for_each(|(column, &band)| {
+            let divisor = divisors[band];
+            each(column, self.band(band), |y, x| *y = x / divisor);
+        });
+        some
+    }
+
     /// The bands, one after the other.
     pub fn iter_bands(&self) -> impl Iterator<Item = &[f64]> {
         (0..self.bands).map(|band| self.band(band))

@@ -26,8 +26,11 @@ impl Join {
     }
 
     /// C x: broken coefficients of a joined function.
-    pub(super) fn spread<'a>(&self, x: &'a MultiVector) -> Cow<'a, MultiVector> {
-        self.matrices.as_ref().map_or(Cow::Borrowed(x), |[c, ..]| Cow::Owned(c.times(x)))
+    pub(super) fn spread<'a>(&self, x: Cow<'a, MultiVector>) -> Cow<'a, MultiVector> {
+        match &self.matrices {
+            Some([c, ..]) => Cow::Owned(c.times(&x)),
+            None => x,
+        }
     }
 
     /// Cᵀ x: integrals against the joined functions.
@@ -106,6 +109,9 @@ impl LinearOperator for Mass<'_> {
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
         self.matrix().apply(x, y);
     }
+    fn times_owned(&self, x: MultiVector) -> MultiVector {
+        self.matrix().times_owned(x)
+    }
 }
 
 /// An approximation of (CᵀΔC)⁻¹ that costs nothing.
@@ -167,6 +173,12 @@ impl LinearOperator for InverseMass<'_> {
             }
         }
     }
+    fn times_owned(&self, x: MultiVector) -> MultiVector {
+        match self.rough {
+            RoughInverse::Blocks(inverse) => inverse.times_owned(x),
+            RoughInverse::Diagonal { .. } => self.times(&x),
+        }
+    }
 }
 
 /// What arrives from a function: S C, or Cᵀ S C, where linear triangles are joined a sixth of the numbers.
@@ -188,7 +200,7 @@ impl LinearOperator for Arriving<'_> {
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
         match &self.join.matrices {
             Some([c, transpose, _]) if self.collected => self.exchange.apply_joined(c, transpose, x, y),
-            _ => self.exchange.apply(&self.join.spread(x), y),
+            _ => self.exchange.apply(&self.join.spread(Cow::Borrowed(x)), y),
         }
     }
 }
@@ -212,14 +224,14 @@ pub(super) struct Transport<'a> {
 }
 
 impl Transport<'_> {
-    /// F̂ x from what arrives of x.
-    pub(super) fn of(&self, mut seen: MultiVector) -> MultiVector {
+    /// F̂ x from what arrives of x, of which the first band is this one of the equation's.
+    fn of(&self, first: usize, mut seen: MultiVector) -> MultiVector {
         match self.reflection {
             Reflection::Joined(reflectance) => {
-                multiply(&mut seen, reflectance);
+                multiply(first, &mut seen, reflectance);
                 seen
             }
-            Reflection::Broken(blocks) => self.join.collect(Cow::Owned(blocks.times(&seen))).into_owned(),
+            Reflection::Broken(blocks) => self.join.collect(Cow::Owned(blocks.times_from(first, seen))).into_owned(),
         }
     }
 }
@@ -232,7 +244,7 @@ impl LinearOperator for Transport<'_> {
         self.rows()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        *y = self.of(self.seen.times(x));
+        *y = self.of(0, self.seen.times(x));
     }
 }
 
@@ -252,16 +264,16 @@ impl<'a> Equation<'a> {
         Self { transport, mass, roots: mass.diagonal().into_iter().map(f64::sqrt).collect() }
     }
 
-    /// The operator on x, from x and what arrives of it.
-    pub(super) fn of(&self, x: &MultiVector, seen: MultiVector) -> MultiVector {
-        let mut y = self.mass.times(x);
-        y.add_scaled(-1.0, &self.transport.of(seen));
+    /// The operator on x, whose first band is this one of the equation's, from x and what arrives of it.
+    pub(super) fn of(&self, first: usize, x: MultiVector, seen: MultiVector) -> MultiVector {
+        let mut y = self.mass.times_owned(x);
+        y.add_scaled(-1.0, &self.transport.of(first, seen));
         self.scaled(y)
     }
 
     /// The right side D^(−1/2) F̂ β from what arrives of the emission β.
     pub(super) fn first_bounce(&self, seen: MultiVector) -> MultiVector {
-        self.scaled(self.transport.of(seen))
+        self.scaled(self.transport.of(0, seen))
     }
 
     fn scaled(&self, mut y: MultiVector) -> MultiVector {
@@ -278,7 +290,7 @@ impl LinearOperator for Equation<'_> {
         self.mass.rows()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        *y = self.of(x, self.transport.seen.times(x));
+        *y = self.of(0, x.clone(), self.transport.seen.times(x));
     }
 }
 
@@ -296,9 +308,11 @@ impl LinearOperator for ScaledInverse<'_> {
         self.inverse.rows()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        let mut unscaled = x.clone();
-        for_rows(&mut unscaled, self.roots, |x, root| *x *= root);
-        self.inverse.apply(&unscaled, y);
+        *y = self.times_owned(x.clone());
+    }
+    fn times_owned(&self, mut x: MultiVector) -> MultiVector {
+        for_rows(&mut x, self.roots, |x, root| *x *= root);
+        self.inverse.times_owned(x)
     }
 }
 
@@ -317,14 +331,14 @@ impl Symmetric<'_> {
     /// Cᵀ √R S x for broken coefficients x.
     pub(super) fn reflected(&self, x: &MultiVector) -> MultiVector {
         let mut y = self.exchange.times(x);
-        multiply(&mut y, self.root);
+        multiply(0, &mut y, self.root);
         self.mass.join.collect(Cow::Owned(y)).into_owned()
     }
 
     /// √R C c.
     pub(super) fn scaled(&self, c: &MultiVector) -> MultiVector {
-        let mut x = self.mass.join.spread(c).into_owned();
-        multiply(&mut x, self.root);
+        let mut x = self.mass.join.spread(Cow::Borrowed(c)).into_owned();
+        multiply(0, &mut x, self.root);
         x
     }
 }
@@ -349,10 +363,10 @@ fn for_rows(x: &mut MultiVector, numbers: &[f64], change: impl Fn(&mut f64, f64)
     }
 }
 
-/// Multiplies entry by entry; what has one band goes with any number of columns.
-fn multiply(x: &mut MultiVector, by: &MultiVector) {
+/// Multiplies entry by entry, where the first band of x goes with this one; what has one band goes with any number of columns.
+fn multiply(first: usize, x: &mut MultiVector, by: &MultiVector) {
     for band in 0..x.bands() {
-        let factors = by.band(band.min(by.bands() - 1));
+        let factors = by.band((first + band).min(by.bands() - 1));
         each(x.band_mut(band), factors, |x, b| *x *= b);
     }
 }

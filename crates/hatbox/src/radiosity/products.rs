@@ -14,7 +14,7 @@
 //! It is for sampled operators, with which products are all of the time. They are kept in single precision, which is far
 //! better than the samples; a dense operator is solved with to the last digits, and fast anyway.
 
-use crate::linalg::{LinearOperator, MultiVector};
+use crate::linalg::MultiVector;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -30,141 +30,152 @@ const ROUNDING: f64 = 1e-10;
 /// Functions whose greatest number is less than this have too few digits in single precision.
 const FAINT: f32 = 1e-30;
 
-/// A function of the joined space in each band, and what arrives of it ([`Arriving`](super::operators::Arriving)).
+/// A function of the joined space, and what arrives of it ([`Arriving`](super::operators::Arriving)).
 #[derive(Debug)]
 pub(super) struct Product {
-    bands: usize,
     x: Vec<f32>,
     image: Vec<f32>,
 }
 
 impl Product {
-    pub(super) fn new(x: &MultiVector, image: &MultiVector) -> Self {
-        let single = |v: &MultiVector| v.as_slice().par_iter().with_min_len(LEAST_NUMBERS).map(|&x| x as f32).collect();
-        Self { bands: x.bands(), x: single(x), image: single(image) }
+    fn new(x: &[f64], image: &[f64]) -> Self {
+        let single = |v: &[f64]| v.par_iter().with_min_len(LEAST_NUMBERS).map(|&x| x as f32).collect();
+        Self { x: single(x), image: single(image) }
     }
 
-    /// What `seen` makes of a function that is rounded first; also both as they are kept.
-    pub(super) fn of(mut x: MultiVector, seen: &dyn LinearOperator) -> (Self, [MultiVector; 2]) {
-        round(&mut x);
-        let mut image = seen.times(&x);
-        let product = Self::new(&x, &image);
-        round(&mut image);
-        (product, [x, image])
+    /// What is known once it is known what arrives of these functions, one for each band.
+    pub(super) fn of_bands(x: &MultiVector, image: &MultiVector) -> Vec<Arc<Self>> {
+        let of_band = |band: usize| Arc::new(Self::new(x.band(band), image.band(band)));
+        (0..x.bands()).into_par_iter().map(of_band).collect()
     }
 
     fn bytes(&self) -> usize {
         size_of_val(&*self.x) + size_of_val(&*self.image)
     }
 
-    /// Whether single precision has room for the numbers of every band.
+    /// Whether single precision has room for the numbers.
     fn is_held(&self) -> bool {
-        let are_held = |numbers: &[f32]| {
-            let greatest = |of_band: &[f32]| of_band.iter().fold(0.0, |most: f32, x| most.max(x.abs()));
-            let mut all = numbers.chunks((numbers.len() / self.bands).max(1)).map(greatest);
-            numbers.iter().all(|x| x.is_finite()) && all.all(|most| most == 0.0 || most >= FAINT)
-        };
-        are_held(&self.x) && are_held(&self.image)
+        [&self.x, &self.image].into_iter().all(|numbers| {
+            let most = numbers.iter().fold(0.0, |most: f32, x| most.max(x.abs()));
+            numbers.iter().all(|x| x.is_finite()) && (most == 0.0 || most >= FAINT)
+        })
     }
 
     /// The function and what arrives of it.
     pub(super) fn both(&self) -> [MultiVector; 2] {
-        [&self.x, &self.image].map(|numbers| double(numbers, self.bands))
+        [&self.x, &self.image].map(|numbers| {
+            let numbers = numbers.par_iter().with_min_len(LEAST_NUMBERS).map(|&x| f64::from(x)).collect();
+            MultiVector::from_bands(1, numbers).unwrap_or_else(|| MultiVector::zeros(0, 1))
+        })
     }
 
-    /// Adds so many times a band of the function to `x`, and of what arrives of it to `image`.
-    pub(super) fn add(&self, factor: f64, band: usize, x: &mut [f64], image: &mut [f64]) {
-        add(x, factor, &self.x[band * x.len()..]);
-        add(image, factor, &self.image[band * image.len()..]);
+    /// Adds so many times these functions to `x`, and so many times what arrives of them to `image`.
+    pub(super) fn add_all(all: &[(f64, &Self)], x: &mut [f64], image: &mut [f64]) {
+        add_all(x, all, |product| &product.x);
+        add_all(image, all, |product| &product.image);
     }
 
-    /// What arrives of x, if every band of x is a multiple of that of this function.
-    fn multiple(&self, x: &MultiVector) -> Option<MultiVector> {
-        let mut factors = Vec::with_capacity(self.bands);
-        for band in 0..self.bands {
-            let (wanted, known) = (x.band(band), &self.x[band * x.rows()..(band + 1) * x.rows()]);
-            let greatest = (0..x.rows()).max_by(|&i, &j| wanted[i].abs().total_cmp(&wanted[j].abs()))?;
-            let factor = if wanted[greatest] == 0.0 { 0.0 } else { wanted[greatest] / f64::from(known[greatest]) };
-            let rounding = ROUNDING * wanted[greatest].abs();
-            let same = |(&x, &known): (&f64, &f32)| (x - factor * f64::from(known)).abs() <= SAME * x.abs() + rounding;
-            if !factor.is_finite() || !wanted.iter().zip(known).all(same) {
-                return None;
-            }
-            factors.push(factor);
+    /// Puts what arrives of x into `image`, if x is a multiple of this function; whether it is.
+    fn multiple(&self, x: &[f64], image: &mut [f64]) -> bool {
+        let Some(greatest) = (0..x.len()).max_by(|&i, &j| x[i].abs().total_cmp(&x[j].abs())) else { return true };
+        let factor = if x[greatest] == 0.0 { 0.0 } else { x[greatest] / f64::from(self.x[greatest]) };
+        let rounding = ROUNDING * x[greatest].abs();
+        let same = |(&x, &known): (&f64, &f32)| (x - factor * f64::from(known)).abs() <= SAME * x.abs() + rounding;
+        if !factor.is_finite() || !x.iter().zip(&self.x).all(same) {
+            return false;
         }
-        let mut image = double(&self.image, self.bands);
-        for (band, factor) in factors.into_iter().enumerate() {
-            image.band_mut(band).iter_mut().for_each(|value| *value *= factor);
-        }
-        Some(image)
+        image.iter_mut().zip(&self.image).for_each(|(image, &known)| *image = factor * f64::from(known));
+        true
     }
 }
 
-/// What is known of S.
+/// What is known of S from each band's functions.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Products(Vec<Arc<Product>>);
+pub(super) struct Products(Vec<Vec<Arc<Product>>>);
 
 impl Products {
-    /// Adds a product, if so many bytes are enough for it, and single precision for its numbers.
-    pub(super) fn keep(&mut self, product: &Arc<Product>, most_bytes: usize) {
-        if self.0.len() < MOST && self.bytes() + product.bytes() <= most_bytes && product.is_held() {
-            self.0.push(Arc::clone(product));
+    /// Adds a product to those of a band, if so many bytes are enough for it and all others, and single precision for its numbers.
+    pub(super) fn keep(&mut self, band: usize, product: &Arc<Product>, most_bytes: usize) {
+        self.0.resize_with(self.0.len().max(band + 1), Vec::new);
+        if self.0[band].len() < MOST && self.bytes() + product.bytes() <= most_bytes && product.is_held() {
+            self.0[band].push(Arc::clone(product));
         }
     }
 
     fn bytes(&self) -> usize {
-        self.0.iter().map(|product| product.bytes()).sum()
+        self.0.iter().flatten().map(|product| product.bytes()).sum()
     }
 
     /// These and older ones, as many as may be kept in so many bytes.
     pub(super) fn with(mut self, older: &Self, most_bytes: usize) -> Self {
-        older.0.iter().for_each(|product| self.keep(product, most_bytes));
+        // The same number of each band at a time, so that none goes without.
+        let longest = older.0.iter().map(Vec::len).max().unwrap_or(0);
+        for k in 0..longest {
+            for (band, of_band) in older.0.iter().enumerate() {
+                of_band.get(k).into_iter().for_each(|product| self.keep(band, product, most_bytes));
+            }
+        }
         self
     }
 
-    /// What arrives of x, if every band of x is a multiple of that of one function that is known.
-    pub(super) fn image_of(&self, x: &MultiVector) -> Option<MultiVector> {
-        self.of_bands(x.bands()).find_map(|product| product.multiple(x))
+    /// Puts what arrives of a band's x into `image`, which holds zeros, if x is a multiple of one function that is known; whether it is.
+    pub(super) fn image_of(&self, band: usize, x: &[f64], image: &mut [f64]) -> bool {
+        x.iter().all(|&x| x == 0.0) || self.of_band(band).iter().any(|product| product.multiple(x, image))
     }
 
-    /// Those of so many bands.
-    pub(super) fn of_bands(&self, bands: usize) -> impl Iterator<Item = &Arc<Product>> {
-        self.0.iter().filter(move |product| product.bands == bands)
+    /// Those of a band.
+    pub(super) fn of_band(&self, band: usize) -> &[Arc<Product>] {
+        self.0.get(band).map_or(&[], Vec::as_slice)
     }
 }
 
 /// Numbers as they are kept.
-fn round(x: &mut MultiVector) {
+pub(super) fn round(x: &mut MultiVector) {
     x.as_mut_slice().par_iter_mut().with_min_len(LEAST_NUMBERS).for_each(|x| *x = f64::from(*x as f32));
 }
 
-fn double(numbers: &[f32], bands: usize) -> MultiVector {
-    let numbers = numbers.par_iter().with_min_len(LEAST_NUMBERS).map(|&x| f64::from(x)).collect();
-    MultiVector::from_bands(bands, numbers).unwrap_or_else(|| MultiVector::zeros(0, bands))
-}
-
-fn add(sum: &mut [f64], factor: f64, numbers: &[f32]) {
-    sum.iter_mut().zip(numbers).for_each(|(sum, &number)| *sum += factor * f64::from(number));
+/// Adds so many times these numbers to `sum`, a piece after the other, so that it stays near.
+fn add_all<'a>(sum: &mut [f64], all: &[(f64, &'a Product)], numbers: impl Fn(&'a Product) -> &'a [f32] + Sync) {
+    sum.par_chunks_mut(LEAST_NUMBERS).enumerate().for_each(|(part, sum)| {
+        for (factor, product) in all {
+            let numbers = &numbers(product)[part * LEAST_NUMBERS..];
+            sum.iter_mut().zip(numbers).for_each(|(sum, &number)| *sum += factor * f64::from(number));
+        }
+    });
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn of(numbers: [f64; 3]) -> MultiVector {
-        MultiVector::from_bands(1, numbers.to_vec()).expect("one band")
-    }
-
     /// A small lamp ten million times brighter than a wall that shines as well: of all coefficients together the wall's are
     /// nothing, and yet they may be half of the light.
     #[test]
     fn a_dim_wall_beside_a_bright_lamp_is_not_overlooked() {
-        let product = Product::new(&of([1e7, 1.0, 0.0]), &of([1.0, 2.0, 3.0]));
-        assert_eq!(product.multiple(&of([2e7, 2.0, 0.0])).expect("twice as bright").as_slice(), [2.0, 4.0, 6.0]);
+        let product = Product::new(&[1e7, 1.0, 0.0], &[1.0, 2.0, 3.0]);
+        let arrived = |x: [f64; 3]| {
+            let mut image = [0.0; 3];
+            product.multiple(&x, &mut image).then_some(image)
+        };
+        assert_eq!(arrived([2e7, 2.0, 0.0]).expect("twice as bright"), [2.0, 4.0, 6.0]);
         for other in [[1e7, 0.0, 0.0], [1e7, 1.1, 0.0], [1e7, 1.0, 0.1]] {
-            assert_eq!(product.multiple(&of(other)), None, "{other:?}");
+            assert_eq!(arrived(other), None, "{other:?}");
         }
-        assert_eq!(product.multiple(&of([0.0; 3])).expect("dark").as_slice(), [0.0; 3]);
+        assert_eq!(arrived([0.0; 3]).expect("dark"), [0.0; 3]);
+    }
+
+    #[test]
+    fn a_dark_band_is_known_and_bands_know_their_own_functions() {
+        let mut products = Products::default();
+        products.keep(1, &Arc::new(Product::new(&[1.0, 2.0], &[3.0, 4.0])), usize::MAX);
+        let arrived = |band: usize, x: [f64; 2]| {
+            let mut image = [0.0; 2];
+            products.image_of(band, &x, &mut image).then_some(image)
+        };
+        for band in 0..3 {
+            assert_eq!(arrived(band, [0.0; 2]), Some([0.0; 2]));
+            assert_eq!(arrived(band, [2.0, 4.0]), (band == 1).then_some([6.0, 8.0]));
+        }
     }
 
     #[test]
@@ -176,20 +187,23 @@ mod tests {
             ([1e40, 1.0, 0.0], false),
             ([f64::NAN, 1.0, 0.0], false),
         ] {
-            for (x, image) in [(of(numbers), of([1.0; 3])), (of([1.0; 3]), of(numbers))] {
+            for (x, image) in [(numbers, [1.0; 3]), ([1.0; 3], numbers)] {
                 let mut products = Products::default();
-                products.keep(&Arc::new(Product::new(&x, &image)), usize::MAX);
-                assert_eq!(products.0.len() == 1, held, "{numbers:?}");
+                products.keep(0, &Arc::new(Product::new(&x, &image)), usize::MAX);
+                assert_eq!(products.of_band(0).len() == 1, held, "{numbers:?}");
             }
         }
     }
 
     #[test]
     fn products_take_no_more_bytes_than_they_may() {
-        let some =
-            |count: usize| Products((0..count).map(|_| Arc::new(Product::new(&of([1.0; 3]), &of([1.0; 3])))).collect());
-        let each = some(1).0[0].bytes();
-        assert_eq!(some(2).with(&some(9), 5 * each).0.len(), 5);
-        assert_eq!(some(30).with(&some(9), 500 * each).0.len(), MOST);
+        let some = |counts: [usize; 2]| {
+            let product = |_| Arc::new(Product::new(&[1.0; 3], &[1.0; 3]));
+            Products(counts.map(|count| (0..count).map(product).collect()).to_vec())
+        };
+        let lengths = |products: Products| [0, 1].map(|band| products.of_band(band).len());
+        let each = some([1, 0]).bytes();
+        assert_eq!(lengths(some([1, 1]).with(&some([9, 2]), 5 * each)), [3, 2]);
+        assert_eq!(lengths(some([30, 1]).with(&some([9, 2]), 500 * each)), [MOST, 3]);
     }
 }

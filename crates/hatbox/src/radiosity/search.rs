@@ -13,8 +13,8 @@
 //! many more columns.
 
 use super::operators::Equation;
-use super::products::{Product, Products};
-use crate::linalg::{Columns, LinearOperator, MultiVector};
+use super::products::{Product, Products, round};
+use crate::linalg::{Columns, LinearOperator, MultiVector, dot};
 use crate::progress::Progress;
 use crate::solve::{Info, Params, SearchSpace, SolveError, gmres};
 use rayon::prelude::*;
@@ -62,19 +62,72 @@ pub(super) struct Search<'a> {
     first_bounce: Vec<f64>,
     /// The right side of the equation for the rest.
     target: MultiVector,
-    /// What the best combination leaves of it.
+    /// What the best combinations leave of it.
     rest: MultiVector,
-    /// The functions that are combined; the first were known before.
-    products: Vec<Arc<Product>>,
-    known: usize,
-    /// What the equation makes of them, for each band.
-    spaces: Vec<Columns>,
-    /// The best combination for each band.
-    best: Vec<Vec<f64>>,
-    /// Functions at the most.
+    /// What is combined in each band.
+    spaces: Vec<Space>,
+    /// Functions of a band at the most.
     most: usize,
     kept: Products,
     room: Room,
+}
+
+/// Functions of a band.
+#[derive(Clone)]
+struct Space {
+    /// The first were known before.
+    products: Vec<Arc<Product>>,
+    known: usize,
+    /// What the equation makes of them.
+    made: Columns,
+    /// The best combination.
+    best: Vec<f64>,
+}
+
+impl Space {
+    fn new(equation: &Equation<'_>) -> Self {
+        Self { products: Vec::new(), known: 0, made: Columns::summed(&equation.roots), best: Vec::new() }
+    }
+
+    /// Takes a product in, of which these are the function and what arrives of it.
+    fn take(&mut self, equation: &Equation<'_>, band: usize, product: &Arc<Product>) {
+        let [x, image] = product.both();
+        self.made.extend([equation.of(band, x, image).into_vec()]);
+        self.products.push(Arc::clone(product));
+    }
+
+    /// Finds the best combination for a target, and what it leaves.
+    fn fit(&mut self, target: &[f64], rest: &mut [f64]) {
+        self.best = self.made.fit(target);
+        if self.forgets_what_cancels(target) {
+            self.best = self.made.fit(target);
+        }
+        self.leave(target, rest);
+    }
+
+    /// What the best combination leaves of a target.
+    fn leave(&self, target: &[f64], rest: &mut [f64]) {
+        rest.copy_from_slice(target);
+        self.made.subtract(&self.best, rest);
+    }
+
+    /// No longer combines what was known before where it takes large multiples that cancel; whether it does.
+    fn forgets_what_cancels(&mut self, target: &[f64]) -> bool {
+        let norms = self.made.norms();
+        let terms: f64 = self.best.iter().zip(norms).take(self.known).map(|(y, norm)| y.abs() * norm).sum();
+        let forgets = terms > CANCELLED * dot(target, target).sqrt();
+        if forgets {
+            self.made.ignore_first(self.known);
+        }
+        forgets
+    }
+
+    /// Adds the best combination to what is found, and begins afresh.
+    fn fold(&mut self, equation: &Equation<'_>, x: &mut [f64], image: &mut [f64]) {
+        let all: Vec<(f64, &Product)> = self.best.iter().copied().zip(self.products.iter().map(|p| &**p)).collect();
+        Product::add_all(&all, x, image);
+        *self = Self::new(equation);
+    }
 }
 
 impl<'a> Search<'a> {
@@ -87,34 +140,22 @@ impl<'a> Search<'a> {
         restart: usize,
     ) -> Self {
         let mut kept = Products::default();
-        let arrived = known.image_of(&emission).unwrap_or_else(|| {
-            let image = equation.transport.seen.times(&emission);
-            kept.keep(&Arc::new(Product::new(&emission, &image)), room.products);
-            image
-        });
+        let arrived = arrived_of(&equation, &emission, known, &mut kept, room);
         let target = equation.first_bounce(arrived.clone());
-        let bands = target.bands();
         // A function, what arrives of it, and what the equation makes of it.
-        let bytes = bands * (equation.transport.seen.rows() + 3 * target.rows()) * size_of::<f32>();
-        let mut search = Self {
-            first_bounce: target.norms(),
-            rest: target.clone(),
-            target,
-            products: Vec::new(),
-            known: 0,
-            spaces: vec![Columns::summed(&equation.roots); bands],
-            equation,
-            best: vec![Vec::new(); bands],
-            most: (room.search / bytes.max(1)).clamp(FEWEST, restart.max(FEWEST)),
-            found: [emission, arrived],
-            kept,
-            room,
-        };
-        let most_known = search.most - FEWEST / 2;
-        known.of_bands(bands).take(most_known).for_each(|product| search.take(product, product.both()));
-        search.known = search.products.len();
-        search.fit();
-        search
+        let bytes = target.bands() * (arrived.rows() + 3 * target.rows()) * size_of::<f32>();
+        let most = (room.search / bytes.max(1)).clamp(FEWEST, restart.max(FEWEST));
+        let mut rest = MultiVector::zeros(target.rows(), target.bands());
+        let mut spaces = vec![Space::new(&equation); target.bands()];
+        let columns = rest.as_mut_slice().par_chunks_mut(target.rows().max(1)).zip(&mut spaces);
+        columns.enumerate().for_each(|(band, (rest, space))| {
+            let known = known.of_band(band).iter().take(most - FEWEST / 2);
+            known.for_each(|product| space.take(&equation, band, product));
+            space.known = space.products.len();
+            space.fit(target.band(band), rest);
+        });
+        let (first_bounce, found) = (target.norms(), [emission, arrived]);
+        Self { equation, found, first_bounce, target, rest, spaces, most, kept, room }
     }
 
     /// The norm of the light that is reflected once, in each band.
@@ -125,10 +166,12 @@ impl<'a> Search<'a> {
     /// Makes what is left of the equation sum to nothing in bands where it stays within the tolerance, and gives the greatest
     /// residual: power balances then to the last digits.
     pub(super) fn balance(&mut self, tolerance: f64) -> f64 {
-        for (band, (space, y)) in self.spaces.iter().zip(&mut self.best).enumerate() {
-            space.balance(self.target.band(band), y, tolerance * self.first_bounce[band]);
-        }
-        self.leave();
+        let (target, first_bounce) = (&self.target, &self.first_bounce);
+        let columns = self.rest.as_mut_slice().par_chunks_mut(target.rows().max(1)).zip(&mut self.spaces);
+        columns.enumerate().for_each(|(band, (rest, space))| {
+            space.made.balance(target.band(band), &mut space.best, tolerance * first_bounce[band]);
+            space.leave(target.band(band), rest);
+        });
         let relative = |(rest, first): (f64, &f64)| if *first > 0.0 { rest / first } else { 0.0 };
         self.rest.norms().into_iter().zip(&self.first_bounce).map(relative).fold(0.0, f64::max)
     }
@@ -158,7 +201,8 @@ impl<'a> Search<'a> {
         let [x, arrived] = &mut self.found;
         x.add_scaled(1.0, &step);
         arrived.add_scaled(1.0, &image);
-        self.kept.keep(&Arc::new(Product::new(&step, &image)), self.room.products);
+        let all: Vec<usize> = (0..step.bands()).collect();
+        keep(&mut self.kept, &all, &Product::of_bands(&step, &image), self.room);
         self.rest.as_mut_slice().fill(0.0);
         let converged = info.converged.iter().map(|n| done.iterations + n).collect();
         Ok(Info { iterations: done.iterations + info.iterations, residual: info.residual / share, converged })
@@ -171,66 +215,13 @@ impl<'a> Search<'a> {
         (solution, arrived, self.kept)
     }
 
-    /// Takes a product in, of which these are the function and what arrives of it.
-    fn take(&mut self, product: &Arc<Product>, [x, image]: [MultiVector; 2]) {
-        let made = self.equation.of(&x, image);
-        let of_band = |(band, space): (usize, &mut Columns)| space.extend([made.band(band).to_vec()]);
-        self.spaces.par_iter_mut().enumerate().for_each(of_band);
-        self.products.push(Arc::clone(product));
-    }
-
-    /// Finds the best combinations, and what they leave.
-    fn fit(&mut self) {
-        self.best = self.fitted();
-        if self.forget_what_cancels() {
-            self.best = self.fitted();
-        }
-        self.leave();
-    }
-
-    /// What the best combinations leave.
-    fn leave(&mut self) {
-        let (target, rows) = (&self.target, self.target.rows().max(1));
-        let bands = self.rest.as_mut_slice().par_chunks_mut(rows).zip(&self.spaces).zip(&self.best);
-        bands.enumerate().for_each(|(band, ((rest, space), y))| {
-            rest.copy_from_slice(target.band(band));
-            space.subtract(y, rest);
-        });
-    }
-
-    fn fitted(&self) -> Vec<Vec<f64>> {
-        let of_band = |(band, space): (usize, &Columns)| space.fit(self.target.band(band));
-        self.spaces.par_iter().enumerate().map(of_band).collect()
-    }
-
-    /// No longer combines what was known before in bands where it takes large multiples that cancel; whether there are any.
-    fn forget_what_cancels(&mut self) -> bool {
-        let (goals, mut forgotten) = (self.target.norms(), false);
-        for ((space, y), goal) in self.spaces.iter_mut().zip(&self.best).zip(goals) {
-            let terms: f64 = y.iter().zip(space.norms()).take(self.known).map(|(y, norm)| y.abs() * norm).sum();
-            if terms > CANCELLED * goal {
-                space.ignore_first(self.known);
-                forgotten = true;
-            }
-        }
-        forgotten
-    }
-
-    /// Adds the best combination to what is found, and begins afresh.
+    /// Adds the best combinations to what is found, and begins afresh.
     fn fold(&mut self) {
         let [x, image] = &mut self.found;
         let (rows, seen) = (x.rows().max(1), image.rows().max(1));
-        let bands = x.as_mut_slice().par_chunks_mut(rows).zip(image.as_mut_slice().par_chunks_mut(seen));
-        bands.zip(&self.best).enumerate().for_each(|(band, ((x, image), y))| {
-            for (product, &y) in self.products.iter().zip(y) {
-                product.add(y, band, x, image);
-            }
-        });
+        let columns = x.as_mut_slice().par_chunks_mut(rows).zip(image.as_mut_slice().par_chunks_mut(seen));
+        columns.zip(&mut self.spaces).for_each(|((x, image), space)| space.fold(&self.equation, x, image));
         self.target.clone_from(&self.rest);
-        self.products.clear();
-        self.known = 0;
-        self.spaces.iter_mut().for_each(|space| *space = Columns::summed(&self.equation.roots));
-        self.best.iter_mut().for_each(Vec::clear);
     }
 }
 
@@ -239,14 +230,62 @@ impl SearchSpace for Search<'_> {
         &self.rest
     }
 
-    fn extend(&mut self, directions: MultiVector) {
-        if self.products.len() >= self.most {
+    fn extend(&mut self, bands: &[usize], mut directions: MultiVector) {
+        if bands.iter().any(|&band| self.spaces[band].products.len() >= self.most) {
             self.fold();
         }
-        let (product, both) = Product::of(directions, self.equation.transport.seen);
-        let product = Arc::new(product);
-        self.kept.keep(&product, self.room.products);
-        self.take(&product, both);
-        self.fit();
+        round(&mut directions);
+        let image = self.equation.transport.seen.times(&directions);
+        let products = Product::of_bands(&directions, &image);
+        drop((directions, image));
+        keep(&mut self.kept, bands, &products, self.room);
+        let mut new: Vec<Option<Arc<Product>>> = vec![None; self.spaces.len()];
+        bands.iter().zip(products).for_each(|(&band, product)| new[band] = Some(product));
+        let (equation, target) = (&self.equation, &self.target);
+        let columns = self.rest.as_mut_slice().par_chunks_mut(target.rows().max(1)).zip(&mut self.spaces).zip(new);
+        columns.enumerate().for_each(|(band, ((rest, space), product))| {
+            if let Some(product) = product {
+                space.take(equation, band, &product);
+                space.fit(target.band(band), rest);
+            }
+        });
     }
+}
+
+/// What arrives of an emission; what is asked for is kept.
+fn arrived_of(
+    equation: &Equation<'_>,
+    emission: &MultiVector,
+    known: &Products,
+    kept: &mut Products,
+    room: Room,
+) -> MultiVector {
+    let seen = equation.transport.seen;
+    let mut arrived = MultiVector::zeros(seen.rows(), emission.bands());
+    let rows = arrived.rows().max(1);
+    let columns = arrived.as_mut_slice().par_chunks_mut(rows).enumerate();
+    let is_new = columns.map(|(band, image)| !known.image_of(band, emission.band(band), image)).collect::<Vec<_>>();
+    let bands: Vec<usize> = (0..emission.bands()).filter(|&band| is_new[band]).collect();
+    if bands.is_empty() {
+        return arrived;
+    }
+    let mut ask = |x: &MultiVector| {
+        let image = seen.times(x);
+        if room.products > 0 {
+            keep(kept, &bands, &Product::of_bands(x, &image), room);
+        }
+        image
+    };
+    if bands.len() == emission.bands() {
+        drop(arrived);
+        return ask(emission);
+    }
+    let image = ask(&emission.some_over(&bands, &vec![1.0; emission.bands()]));
+    bands.iter().enumerate().for_each(|(k, &band)| arrived.band_mut(band).copy_from_slice(image.band(k)));
+    arrived
+}
+
+/// Keeps products of these bands.
+fn keep(kept: &mut Products, bands: &[usize], products: &[Arc<Product>], room: Room) {
+    bands.iter().zip(products).for_each(|(&band, product)| kept.keep(band, product, room.products));
 }

@@ -232,7 +232,7 @@ impl System {
     /// the light that it concerns. What errors cause by reflection is not in it; it is less, since they average out.
     pub fn operator_spread(&self, solution: &Solution) -> MultiVector {
         let irradiance = match (self.exchange.spread(&solution.radiosity), self.exchange.row_errors()) {
-            (Some(spread), _) => self.irradiance_of(&spread),
+            (Some(spread), _) => self.irradiance_of(spread),
             (None, Some(errors)) => self.of_row_errors(errors, solution),
             (None, None) => MultiVector::zeros(solution.radiosity.rows(), solution.bands()),
         };
@@ -337,12 +337,12 @@ impl System {
     ) -> (Solution, Option<MultiVector>) {
         let steady = self.exchange.steady(&radiosity);
         let irradiance = match &steady {
-            None if collected => self.averaged(&arrived),
-            None => self.irradiance_of(&arrived),
+            None if collected => self.averaged(arrived),
+            None => self.irradiance_of(arrived),
             Some(steady) => {
                 let mut rest = if collected { arrived } else { self.join.collect(Cow::Owned(arrived)).into_owned() };
                 rest.add_scaled(-1.0, &self.join.collect(Cow::Borrowed(steady)));
-                let mut irradiance = self.averaged(&rest);
+                let mut irradiance = self.averaged(rest);
                 irradiance.add_scaled(1.0, &self.mass_inverse.times(steady));
                 irradiance
             }
@@ -373,7 +373,7 @@ impl System {
     /// What averaging changes of the broken function with these integrals.
     fn change_by(&self, averaging: &InverseMass<'_>, integrals: &MultiVector) -> MultiVector {
         let averaged = averaging.times(&self.join.collect(Cow::Borrowed(integrals)));
-        let mut change = self.join.spread(&averaged).into_owned();
+        let mut change = self.join.spread(Cow::Owned(averaged)).into_owned();
         change.add_scaled(-1.0, &self.mass_inverse.times(integrals));
         change
     }
@@ -382,17 +382,17 @@ impl System {
     /// space, joined or not: more accurate than on hats where shadows have sharp edges, and it costs no solve. Of a
     /// sampled operator it is the projection onto the joined space, which averages the noise of the cells that meet (and
     /// would blur the shadows of lamps, which are therefore left out: [`Exchange::steady`]).
-    fn irradiance_of(&self, arrived: &MultiVector) -> MultiVector {
+    fn irradiance_of(&self, arrived: MultiVector) -> MultiVector {
         if self.exchange.is_symmetric() {
-            self.mass_inverse.times(arrived)
+            self.mass_inverse.times_owned(arrived)
         } else {
-            self.averaged(&self.join.collect(Cow::Borrowed(arrived)))
+            self.averaged(self.join.collect(Cow::Owned(arrived)).into_owned())
         }
     }
 
     /// The joined function with these integrals against the joined functions, in the broken space.
-    fn averaged(&self, collected: &MultiVector) -> MultiVector {
-        self.join.spread(&self.inverse_mass().times(collected)).into_owned()
+    fn averaged(&self, collected: MultiVector) -> MultiVector {
+        self.join.spread(Cow::Owned(self.inverse_mass().times_owned(collected))).into_owned()
     }
 
     /// √R for each broken coefficient and band, if S is symmetric and R constant on every element.
@@ -486,7 +486,7 @@ impl System {
     /// A solution's light but for what the solver was given of the emission, in the broken space.
     pub(super) fn reflected_light(&self, solution: &Solution) -> MultiVector {
         let mut light = solution.radiosity.clone();
-        light.add_scaled(-1.0, &self.join.spread(self.emission()));
+        light.add_scaled(-1.0, &self.join.spread(Cow::Borrowed(self.emission())));
         light
     }
 

@@ -14,8 +14,8 @@ const PATIENCE: usize = 3;
 pub trait SearchSpace {
     /// b − A x for the x among all combinations that makes it least in each band.
     fn rest(&self) -> &MultiVector;
-    /// Takes more functions in, one in each band; a band that needs none has zeros.
-    fn extend(&mut self, directions: MultiVector);
+    /// Takes more functions in, one in each of these bands.
+    fn extend(&mut self, bands: &[usize], directions: MultiVector);
 }
 
 /// Extends a space until it holds the solution: the method of generalised conjugate residuals (Eisenstat, Elman and Schultz
@@ -52,10 +52,8 @@ pub fn search(
         before.pop_front();
         before.push_back(norms.clone());
         // Of norm 1, as whoever keeps few digits of them wants it.
-        let mut left = space.rest().clone();
-        for (band, norm) in norms.into_iter().enumerate() {
-            left.band_mut(band).iter_mut().for_each(|x| *x = if open[band] { *x / norm } else { 0.0 });
-        }
-        space.extend(preconditioner.times(&left));
+        let bands: Vec<usize> = (0..open.len()).filter(|&band| open[band]).collect();
+        let left = space.rest().some_over(&bands, &norms);
+        space.extend(&bands, preconditioner.times_owned(left));
     }
 }

@@ -26,7 +26,7 @@ impl System {
         let right_side = self.join.collect(Cow::Borrowed(load));
         let mut b = self.inverse_mass().times(&right_side);
         let info = neumann(&self.inverse_mass(), &transport, &right_side, &mut b, params, progress)?;
-        Ok((self.solution(self.join.spread(&b).into_owned()), info))
+        Ok((self.solution(self.join.spread(Cow::Owned(b)).into_owned()), info))
     }
 
     /// By minimal residuals, for what is reflected of an emission: the residual is relative to the first bounce, however bright
@@ -66,7 +66,8 @@ impl System {
             let (b, arrived, products) = search.finish();
             (b, arrived, info, products)
         };
-        let (solution, steady) = self.solution_of(self.join.spread(&b).into_owned(), arrived, self.collects());
+        let (solution, steady) =
+            self.solution_of(self.join.spread(Cow::Owned(b)).into_owned(), arrived, self.collects());
         Ok((self.without_noise(solution, steady), info, products))
     }
 
@@ -88,7 +89,7 @@ impl System {
         progress: &dyn Progress,
     ) -> Result<(Solution, Info), SolveError> {
         let symmetric = Symmetric { mass: self.joined_mass(), exchange: &*self.exchange, root };
-        let emission = self.join.spread(&self.emission_of(load)).into_owned();
+        let emission = self.join.spread(Cow::Owned(self.emission_of(load))).into_owned();
         let right_side = symmetric.reflected(&emission);
         let mut c = MultiVector::zeros(right_side.rows(), right_side.bands());
         let info = cg(&symmetric, &self.inverse_mass(), &right_side, &mut c, params, progress)?;
