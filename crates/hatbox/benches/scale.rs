@@ -10,7 +10,7 @@
 mod measure;
 
 use glam::DVec3;
-use hatbox::exchange;
+use hatbox::exchange::{self, Exchange as _};
 use hatbox::linalg::MultiVector;
 use hatbox::mesh::Refinement;
 use hatbox::progress::Silent;
@@ -165,7 +165,8 @@ fn light(facets: usize, kind: &str, tolerance: f64) {
         (solve, solve_cpu) = (solve + started.elapsed().as_secs_f64(), solve_cpu + cpu_seconds() - cpu);
         iterations = iterations.max(info.iterations);
     }
-    println!("terrain    {kind:<12} facets {}, {SUNS} suns", system.space.cells());
+    let error = 100.0 * system.exchange.statistics().visibility_error;
+    println!("terrain    {kind:<12} facets {}, {SUNS} suns, error of the operator {error:.1} %", system.space.cells());
     println!("build {build:.1} s, direct {direct:.1} s, solve {solve:.1} s ({iterations} iterations)");
     let quotients = [(build + solve) / build, (build_cpu + solve_cpu) / build_cpu];
     println!(

@@ -248,35 +248,6 @@ fn among_lamps_constants_come_back_exactly() {
     });
 }
 
-/// Of many lamps a cell asks some, which count for the others: what all cells get is right.
-#[test]
-fn many_lamps_send_what_they_send() {
-    let mut mesh = meshes::room(DVec3::new(6.0, 4.0, 3.0), |_| false);
-    for k in 0..200 {
-        let at = DVec3::new(0.2 + 0.28 * f64::from(k % 20), 0.2 + 0.4 * f64::from(k / 20), 2.9);
-        let corner = |x: f64, y: f64| at + 0.05 * DVec3::new(x, y, 0.0);
-        meshes::face(&mut mesh, &[corner(0.0, 0.0), corner(0.0, 1.0), corner(1.0, 1.0), corner(1.0, 0.0)], 1);
-    }
-    let lamp = Material { exitance: Quantity::gray(100.0), ..Material::diffuse("lamp", 0.0) };
-    let scene = Scene::new(mesh, vec![Material::diffuse("gray", 0.5), lamp], Physics::Light, None).expect("valid");
-    let arrived = |kind| {
-        let options = Options { refinement: Refinement::Elements(1000), ..options(kind, &BASES[0]) };
-        let solution = solve(&scene, &options, &Silent).expect("solved").solution;
-        let on = |up: bool| {
-            let mesh = &solution.scene.mesh;
-            let faces = (0..solution.space.cells()).filter(move |&cell| (mesh.patch(cell).normal().z > 0.5) == up);
-            faces.map(|cell| solution.irradiance.band(0)[cell] * mesh.patch(cell).area()).sum::<f64>()
-        };
-        [on(true), on(false)]
-    };
-    let exact = arrived(&exchange::ALL[0]);
-    for kind in exchange::ALL {
-        for (found, exact) in arrived(kind).into_iter().zip(exact) {
-            assert!((found - exact).abs() < 2.0 * TOLERANCE * exact, "{}: {found} instead of {exact}", kind.name);
-        }
-    }
-}
-
 /// Bands do not know of each other. Products have loops of their own for some numbers of them, and read those of single precision
 /// as such: here the last three, where they are alone.
 #[test]

@@ -10,8 +10,9 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::f64::consts::FRAC_1_PI;
 
-/// Nodes of a cut.
+/// Nodes of a cut, if no more rays are cast than that, and at the most.
 pub(super) const CUT: usize = 64;
+const MOST: usize = 512;
 
 /// A lamp as the tree sees it: the middle, the radius around it, and the power.
 #[derive(Debug, Clone, Copy)]
@@ -82,8 +83,10 @@ impl LampTree {
         here as u32
     }
 
-    /// The nodes to ask for a sphere whose points have the normal `n`; those that follow each other are near each other.
-    pub(super) fn cut(&self, x: DVec3, radius: f64, n: DVec3) -> Vec<u32> {
+    /// The nodes to ask for a sphere whose points have the normal `n` and cast so many rays each: with more of those fewer lamps
+    /// stand for others. Nodes that follow each other are near each other.
+    pub(super) fn cut(&self, x: DVec3, radius: f64, n: DVec3, rays: usize) -> Vec<u32> {
+        let most = rays.clamp(CUT, MOST);
         let open = |node: u32| {
             let bound = self.nodes[node as usize].around.most(x, radius, n);
             // The bits of positive numbers are in their order.
@@ -91,10 +94,10 @@ impl LampTree {
         };
         let mut queue: BinaryHeap<(u64, Reverse<u32>)> =
             (!self.nodes.is_empty()).then(|| open(0)).flatten().into_iter().collect();
-        let mut chosen = Vec::with_capacity(CUT);
+        let mut chosen = Vec::with_capacity(most);
         while let Some((_, Reverse(node))) = queue.pop() {
             match self.nodes[node as usize].below {
-                Below::Nodes(children) if chosen.len() + queue.len() + 2 <= CUT => {
+                Below::Nodes(children) if chosen.len() + queue.len() + 2 <= most => {
                     queue.extend(children.into_iter().filter_map(open));
                 }
                 _ => chosen.push(node),
@@ -144,18 +147,18 @@ mod tests {
     fn few_lamps_are_all_asked() {
         let tree = row(CUT);
         let mut lamps: Vec<Chosen> =
-            tree.cut(DVec3::ZERO, 0.0, DVec3::Z).into_iter().map(|node| tree.represent(node, 0.5)).collect();
+            tree.cut(DVec3::ZERO, 0.0, DVec3::Z, 1).into_iter().map(|node| tree.represent(node, 0.5)).collect();
         lamps.sort_unstable_by_key(|chosen| chosen.lamp);
         assert!(lamps.into_iter().eq((0..CUT as u32).map(|lamp| Chosen { lamp, times: 1.0 })));
-        assert!(row(5).cut(DVec3::ZERO, 0.0, -DVec3::Z).is_empty(), "they are behind");
-        assert!(row(0).cut(DVec3::ZERO, 0.0, DVec3::Z).is_empty());
+        assert!(row(5).cut(DVec3::ZERO, 0.0, -DVec3::Z, 1).is_empty(), "they are behind");
+        assert!(row(0).cut(DVec3::ZERO, 0.0, DVec3::Z, 1).is_empty());
     }
 
     #[test]
     fn near_lamps_are_themselves_and_far_ones_are_right_in_the_mean() {
         let (tree, lamps, trials) = (row(1000), 1000, 4000_u64);
         let mut times = vec![0.0; lamps];
-        let nodes = tree.cut(DVec3::new(3.0, 0.0, 0.0), 0.1, DVec3::Z);
+        let nodes = tree.cut(DVec3::new(3.0, 0.0, 0.0), 0.1, DVec3::Z, 1);
         let is = |node: u32, lamp: u32| tree.represent(node, 0.5) == Chosen { lamp, times: 1.0 };
         assert!(nodes.len() <= CUT && (0..8).all(|near| nodes.iter().any(|&node| is(node, near))));
         for trial in 0..trials {

@@ -9,13 +9,13 @@
 //!
 //! Where the border of a shadow passes through a cell, those few points say too little, however many rays they send: some
 //! percent of error stayed on coarse meshes, whatever was asked for. There the lamp is looked at from all points that the cell's
-//! own rays start from, by a ray each, so that its error falls with theirs. A quarter of those points are asked whether the rule has
-//! missed something. What each half of those points has seen tells that error.
+//! own rays start from, by a ray each, so that its error falls with theirs. A quarter of those points, shared among the lamps, are
+//! asked whether the rule has missed something. What each half of those points has seen tells that error.
 //!
 //! How many rays a point sends to a lamp does not depend on what they meet. More of them where the first ones disagree was a
 //! mistake: a lamp that is a quarter visible is missed by all of few rays more often than it is met by all of them, so that nobody
 //! asks on, and its light is too little on the average, with any number of points. (Whether a cell looks from all of its points does
-//! depend on rays: those of the rule and of a quarter of its points; a lamp of which all of them miss a hundredth is whole.)
+//! depend on rays: those of the rule and of its share of a quarter of its points; a lamp of which all of them miss a hundredth is whole.)
 //!
 //! A point of a rule takes the share of its rays that arrive for that of ∫G. By one ray alone that is the share of the area, which is
 //! not the same for a lamp that is large for its distance; such lamps have more of the budget.
@@ -41,7 +41,6 @@ use crate::mesh::Patch;
 use crate::quadrature::rule;
 use crate::quadrature::sequence::{hash, point, unit};
 use crate::visibility::{Bvh, Visibility};
-use arrayvec::ArrayVec;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_1_PI;
@@ -49,8 +48,10 @@ use std::f64::consts::FRAC_1_PI;
 /// Cells that are so many times stronger than a mean one are lamps.
 const STRONG: f64 = 2.0;
 /// Strong cells of one material are left to rays if they look like more than this share of all area: the first, which is more than a
-/// wall of a cube, or the second where they are more faces than a cut has.
+/// wall of a cube, or the second where they are more faces than a cut has. So are, by the second, those of all materials that are
+/// strong alike, within this factor: whoever gives a number for each face gives each a material.
 const WIDE: [f64; 2] = [0.2, 0.05];
+const ALIKE: f64 = 16.0;
 /// Lamps that a cell looks at from all of its points, at the most.
 const MOST_MIXED: usize = 4;
 /// Points of a rule at the most: cells of all elements have so many parts of a lamp's net.
@@ -191,17 +192,17 @@ impl Lamps {
         let start = tracer.block_of(cell).wrapping_mul(MOST_POINTS);
         let (mut rays, normal) = (0, patch.normal());
         let radius = patch.corners().iter().map(|corner| corner.distance(patch.center())).fold(0.0, f64::max);
-        let asked = self.tree.cut(patch.center(), radius, normal);
-        let mut found: Vec<View> = Vec::new();
+        let asked = self.tree.cut(patch.center(), radius, normal, budget as usize);
+        let (mut found, mut places): (Vec<View>, BTreeMap<u32, usize>) = Default::default();
         for (q, (&at, weights)) in receivers.rule.points.iter().zip(&receivers.rule.weights).enumerate() {
             let draw = Draw { net: self.seed, part: start.wrapping_add(q as u32) };
             let x = (patch.point(at), normal, cells.surface(cell));
             rays += self.at_point(x, &asked, budget, draw, &tracer.blockers, |lamp, look, times| {
-                let index = found.iter().position(|view| view.lamp == lamp).unwrap_or_else(|| {
+                let place = *places.entry(lamp).or_insert(found.len());
+                if place == found.len() {
                     found.push(View::new(lamp));
-                    found.len() - 1
-                });
-                found[index].add(look, times, &weights[..n]);
+                }
+                found[place].add(look, times, &weights[..n]);
             });
         }
         let (surface, block) = (cells.surface(cell), tracer.block_of(cell));
@@ -212,13 +213,19 @@ impl Lamps {
     }
 
     /// Has a cell look again at lamps where the border of a shadow passes; gives the number of rays.
+    ///
+    /// A quarter of the points that rays start from look for one that the points of the rule have missed. Lamps share them by what
+    /// they give, since less of the light is at stake with each.
     fn look_at_mixed(&self, found: &mut [View], net: &Net<'_>, dofs: usize, blockers: &Bvh) -> u32 {
         let (mut rays, mut left) = (0, MOST_MIXED);
+        let all: f64 = found.iter().filter(|view| view.for_itself).map(|view| view.whole).sum();
+        let quarter = net.points.points.len() as f64 / 4.0;
         for view in found.iter_mut().filter(|view| view.for_itself) {
             if left == 0 {
                 break;
             }
-            let looks = if view.is_mixed() { Vec::new() } else { self.looks_between(view, net, blockers) };
+            let points = (quarter * view.whole / all.max(f64::MIN_POSITIVE)).ceil() as usize;
+            let looks = if view.is_mixed() { Vec::new() } else { self.looks_between(view, net, points, blockers) };
             if view.is_mixed() || looks.last().is_some_and(|look| view.contradicts(look)) {
                 left -= 1;
                 rays += self.look_from_all(view, looks, net, dofs, blockers);
@@ -229,11 +236,11 @@ impl Lamps {
         rays
     }
 
-    /// How the first quarter of the points that rays start from sees a lamp, up to one that sees it otherwise than the points of
-    /// the rule do, which see it whole or not at all.
-    fn looks_between(&self, view: &View, net: &Net<'_>, blockers: &Bvh) -> Vec<Look> {
+    /// How the first of the points that rays start from see a lamp, up to one that sees it otherwise than the points of the rule do,
+    /// which see it whole or not at all.
+    fn looks_between(&self, view: &View, net: &Net<'_>, points: usize, blockers: &Bvh) -> Vec<Look> {
         let mut looks = Vec::new();
-        for q in 0..net.points.points.len() / 4 {
+        for q in 0..points.min(net.points.points.len()) {
             looks.push(self.look(net.from(q), view.lamp, 1.0, self.draw(net, q), blockers));
             if view.contradicts(&looks[q]) {
                 break;
@@ -289,7 +296,7 @@ impl Lamps {
             let most = if lamp.panel.surface == surface { 0.0 } else { chosen.times * lamp.most(x, n) };
             (chosen, most)
         };
-        let chosen: ArrayVec<(Chosen, f64), CUT> = asked.iter().map(choose).filter(|&(_, most)| most > 0.0).collect();
+        let chosen: Vec<(Chosen, f64)> = asked.iter().map(choose).filter(|&(_, most)| most > 0.0).collect();
         let total: f64 = chosen.iter().map(|(_, most)| most).sum();
         let (mut rays, mut comb) = (0, Comb { place: draw.shift(0, SHIFTS[0]) });
         for (Chosen { lamp, times }, most) in chosen {
@@ -337,7 +344,7 @@ impl Lamps {
         sum: &mut [f64],
     ) -> f64 {
         let (bands, mut factor) = (sum.len(), 0.0);
-        let asked = self.tree.cut(x.0, 0.0, x.1);
+        let asked = self.tree.cut(x.0, 0.0, x.1, budget as usize);
         self.at_point(x, &asked, budget, Draw { net: set, part: 0 }, blockers, |lamp, look, times| {
             let value = times * look.seen();
             factor += value;
@@ -360,15 +367,25 @@ fn strong_sides(geometry: &Geometry<'_>, cells: &Cells, params: &Params) -> Vec<
         }
     }
     let material = |on: &[u32]| geometry.scene.mesh.cells[on[0] as usize].material;
+    let strongest = |on: &[u32]| on.iter().map(|&cell| params.strengths[cell as usize]).fold(0.0, f64::max);
+    let kind = |on: &[u32]| (strongest(on) / STRONG).log(ALIKE) as i32;
     let apparent = apparent_areas(cells, params);
-    let mut of: BTreeMap<u32, (usize, f64)> = BTreeMap::new();
+    let (mut of_material, mut of_kind) = (BTreeMap::new(), BTreeMap::new());
     for on in sides.values() {
-        let (faces, area) = of.entry(material(on)).or_default();
-        (*faces, *area) = (*faces + 1, *area + on.iter().map(|&cell| apparent(cell as usize)).sum::<f64>());
+        let more: f64 = on.iter().map(|&cell| apparent(cell as usize)).sum();
+        let sums: [&mut (usize, f64); 2] =
+            [of_material.entry(material(on)).or_default(), of_kind.entry(kind(on)).or_default()];
+        for (faces, area) in sums {
+            (*faces, *area) = (*faces + 1, *area + more);
+        }
     }
     let all: f64 = (0..cells.len()).map(&apparent).sum();
-    let wide = |&(faces, area): &(usize, f64)| area > WIDE[usize::from(faces > CUT)] * all;
-    let is_wide = |on: &Vec<u32>| of.get(&material(on)).is_some_and(wide);
+    let are_wide = |(faces, area): (usize, f64)| area > WIDE[usize::from(faces > CUT)] * all;
+    let are_many = |(faces, _): (usize, f64)| faces > CUT;
+    let is_wide = |on: &[u32]| {
+        let (of_material, of_kind) = (of_material[&material(on)], of_kind[&kind(on)]);
+        are_wide(of_material) || (are_many(of_kind) && are_wide(of_kind))
+    };
     sides.into_values().filter(|on| !is_wide(on)).collect()
 }
 
@@ -525,17 +542,28 @@ struct View {
     /// The least and the greatest visible share.
     least: f64,
     most: f64,
+    /// Σ ∫G of the points that asked it.
+    whole: f64,
     /// Whether each point that asked it stood for no other lamp, and for no other point.
     for_itself: bool,
 }
 
 impl View {
     fn new(lamp: u32) -> Self {
-        Self { lamp, values: [0.0; MAX_DOFS], doubts: [0.0; MAX_DOFS], least: 1.0, most: 0.0, for_itself: true }
+        Self {
+            lamp,
+            values: [0.0; MAX_DOFS],
+            doubts: [0.0; MAX_DOFS],
+            least: 1.0,
+            most: 0.0,
+            whole: 0.0,
+            for_itself: true,
+        }
     }
 
     fn add(&mut self, look: &Look, times: f64, weights: &[f64]) {
         self.note(look);
+        self.whole += look.whole;
         self.for_itself &= (times - 1.0).abs() < 1e-12;
         self.values.iter_mut().zip(weights).for_each(|(value, weight)| *value += weight * times * look.seen());
     }
