@@ -4,11 +4,29 @@ use rayon::prelude::*;
 const LEAST_NUMBERS: usize = 1 << 15;
 
 /// `rows` × `bands` numbers, each band contiguous: the coefficients of one function per band.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct MultiVector {
     rows: usize,
     bands: usize,
     data: Vec<f64>,
+}
+
+impl Clone for MultiVector {
+    /// By all threads: of a million rows most of it is waiting for pages.
+    fn clone(&self) -> Self {
+        let mut copy = Self::zeros(self.rows, self.bands);
+        each(&mut copy.data, &self.data, |y, x| *y = x);
+        copy
+    }
+
+    fn clone_from(&mut self, other: &Self) {
+        if self.data.len() == other.data.len() {
+            (self.rows, self.bands) = (other.rows, other.bands);
+            each(&mut self.data, &other.data, |y, x| *y = x);
+        } else {
+            *self = other.clone();
+        }
+    }
 }
 
 impl MultiVector {

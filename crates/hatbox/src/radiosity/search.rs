@@ -122,8 +122,8 @@ impl Space {
         forgets
     }
 
-    /// Adds the best combination to what is found, and begins afresh.
-    fn fold(&mut self, equation: &Equation<'_>, x: &mut [f64], image: &mut [f64]) {
+    /// Adds the best combination to what is found, and forgets all.
+    fn add_best(&mut self, equation: &Equation<'_>, x: &mut [f64], image: &mut [f64]) {
         let all: Vec<(f64, &Product)> = self.best.iter().copied().zip(self.products.iter().map(|p| &**p)).collect();
         Product::add_all(&all, x, image);
         *self = Self::new(equation);
@@ -210,18 +210,22 @@ impl<'a> Search<'a> {
 
     /// The solution, what arrives of it, and what was asked for.
     pub(super) fn finish(mut self) -> (MultiVector, MultiVector, Products) {
-        self.fold();
+        self.add_best();
         let [solution, arrived] = self.found;
         (solution, arrived, self.kept)
     }
 
     /// Adds the best combinations to what is found, and begins afresh.
     fn fold(&mut self) {
+        self.add_best();
+        self.target.clone_from(&self.rest);
+    }
+
+    fn add_best(&mut self) {
         let [x, image] = &mut self.found;
         let (rows, seen) = (x.rows().max(1), image.rows().max(1));
         let columns = x.as_mut_slice().par_chunks_mut(rows).zip(image.as_mut_slice().par_chunks_mut(seen));
-        columns.zip(&mut self.spaces).for_each(|((x, image), space)| space.fold(&self.equation, x, image));
-        self.target.clone_from(&self.rest);
+        columns.zip(&mut self.spaces).for_each(|((x, image), space)| space.add_best(&self.equation, x, image));
     }
 }
 
