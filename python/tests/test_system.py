@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy.sparse.linalg import LinearOperator, aslinearoperator, gmres, splu
@@ -139,3 +141,11 @@ def test_a_lamp_that_was_dark_when_rays_were_cast_is_named() -> None:
     with pytest.warns(hatbox.HatboxWarning, match="was dark when the operator was built"):
         lit_on("sampled")
     lit_on("dense")
+
+
+def test_many_lamps_that_were_dark_are_one_warning() -> None:
+    dark = system(operator="sampled")
+    with pytest.warns(hatbox.HatboxWarning) as caught:
+        dark.with_materials(exitance=[[3.0]] * 6)
+    assert len(caught) == 1
+    assert re.search("materials .* and 2 more were dark", str(caught[0].message))

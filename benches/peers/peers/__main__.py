@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from . import factors, light, path_tracer, rays, report
+from . import factors, light, path_tracer, rays, report, terrain
 from .measure import Row
 from .scenes import DATA, ROOT, Lit, load, sample
 
@@ -18,6 +18,7 @@ PIECES: dict[str, Piece] = {
     "factors": factors.measure,
     "cornell": light.measure_cornell,
     "rooms": light.measure_rooms,
+    "terrain": terrain.measure,
     "rays": rays.measure,
 }
 

@@ -18,6 +18,7 @@ import hatbox
 from .measure import Row
 from .rays import RATE
 from .scenes import ROOT
+from .terrain import MEMORY
 
 PEERS = ("mitsuba", "pyradiance", "pyviewfactor", "raystrack", "embreex")
 BOOK = ROOT / "book" / "benchmarks.md"
@@ -114,7 +115,7 @@ def _table(job: str, rows: list[Row]) -> str:
     text += ["| " + " | ".join(heads) + " |", "|---|---|" + "---:|" * (len(heads) - 2)]
     for row in rows:
         cells = [row.tool, f"{row.series} {row.setting}".strip(), f"{row.seconds:.3g}", f"{row.cpu_seconds:.3g}"]
-        cells += [f"{100 * row.errors[key]:.2g} %" for key in keys]
+        cells += [f"{row.errors[key]:.3g}" if key == MEMORY else f"{100 * row.errors[key]:.2g} %" for key in keys]
         cells += [f"{row.again:.2g}"] if row.again is not None else []
         text.append("| " + " | ".join([*cells, beside(row, rows)]) + " |")
     return "\n".join(text)

@@ -11,10 +11,10 @@ y; the block of two nodes is nothing, sparse, two thin factors, or divided, what
 
 The rest was chosen here, in doubt for the peer: numbers of 4 bytes; one ray for both directions of a pair and one
 compression for both of its blocks, which count as two; no ray where facets do not face each other; rays lifted by a
-thousandth of an edge; nodes of 256 facets at the most; ‖B − UV‖ ≤ ε ‖B‖ in the Frobenius norm. BLAS is to have one
-thread (`run` sees to it): with two on a busy machine, factors of these sizes took twenty times as long.
+thousandth of an edge; nodes of 256 facets at the most; ‖B − UV‖ ≤ ε ‖B‖ in the Frobenius norm. BLAS has one
+thread, since small factorisations take longer on several.
 
-All get the same facets, a constant on each, and the same sunlight B. E = F B is known from cosine rays, to 0.5 %.
+All get the same facets, a constant on each, and the same sunlight B. E = F B is known from cosine rays.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import sparse
 from scipy.stats import qmc
+from threadpoolctl import threadpool_limits
 
 import hatbox
 
@@ -285,8 +286,9 @@ def _thin(block: sparse.csr_array, most: int, epsilon: float) -> list[np.ndarray
     goal = (1 - epsilon**2) * np.square(block.data, dtype=float).sum()
     for width in sorted({min(width, limit) for width in (16, 64, limit)}) if most else ():
         sample = random.standard_normal((block.shape[1], width), np.float32)
-        basis = np.linalg.qr(block @ (block.T @ (block @ sample)))[0]
-        u, s, v = np.linalg.svd((block.T @ basis).T, full_matrices=False)
+        with threadpool_limits(1):
+            basis = np.linalg.qr(block @ (block.T @ (block @ sample)))[0]
+            u, s, v = np.linalg.svd((block.T @ basis).T, full_matrices=False)
         rank = int(np.searchsorted(np.cumsum(np.square(s, dtype=float)), goal)) + 1
         if rank <= width:
             return [basis @ (u[:, :rank] * s[:rank]), v[:rank].copy()] if rank <= most else []

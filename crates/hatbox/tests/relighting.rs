@@ -304,3 +304,45 @@ mod what_was_learnt {
         assert_eq!(solved(&system).0.radiosity, solved(&system).0.radiosity);
     }
 }
+
+/// A search asks for the bands that are still open: here first for all of them, and last for the bright one, which is neither the first
+/// nor the last. Then, as a floor shines in that band, for the emission of that alone. Each is what it is where there are no others.
+#[test]
+fn bands_that_are_found_sooner_or_later_are_what_they_are_alone() {
+    let reflectances = [0.02, 0.8, 0.3];
+    let some = |varying: bool, bands: &[usize], floor: [f64; 3]| -> Vec<Material> {
+        let of = |values: [f64; 3]| bands.iter().map(|&band| values[band]).collect::<Vec<f64>>();
+        let r = of(reflectances);
+        let paint = if varying {
+            Quantity::function(move |site, band| r[band] * (0.5 + 0.5 * site.position.x))
+        } else {
+            Quantity::Uniform(r)
+        };
+        let mut all = materials([0.0; 3], 0.0);
+        for (material, exitance) in all.iter_mut().zip([[0.0; 3], floor, [1.0; 3]]) {
+            material.reflectance = paint.clone();
+            material.exitance = Quantity::Uniform(of(exitance));
+        }
+        all
+    };
+    let options = Options { operator: hatbox::exchange::kind("sampled").expect("a kind"), ..options() };
+    let options = Options { tolerance: 0.01, ..options };
+    let system = System::build(&cube(some(false, &[0, 1, 2], [0.0; 3])), &options, &Silent).expect("built");
+    let lit = |system: &mut System, materials: Vec<Material>| {
+        system.set_materials(materials, options.continuity).expect("the same cells");
+        system.solved(&options, &Silent).expect("solved").solution
+    };
+    for varying in [false, true] {
+        let mut together = system.clone();
+        for floor in [[0.0; 3], [0.0, 0.5, 0.0]] {
+            let found = lit(&mut together, some(varying, &[0, 1, 2], floor));
+            for band in 0..3 {
+                let alone = lit(&mut system.clone(), some(varying, &[band], floor));
+                for (found, alone) in [(&found.radiosity, alone.radiosity), (&found.irradiance, alone.irradiance)] {
+                    let off = difference(&found.one_band(band), &alone);
+                    assert!(off < 5e-3, "varying {varying}, floor {floor:?}, band {band}: {off}");
+                }
+            }
+        }
+    }
+}

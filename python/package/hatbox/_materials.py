@@ -58,8 +58,12 @@ def _rows(what: str, array: npt.NDArray[np.float64], count: int) -> list[Given]:
     """One row per material; a single number or row stands for all."""
     table = array.reshape(array.shape[0], -1) if array.ndim == 1 else array.reshape(1, 1) if array.ndim == 0 else array
     if table.ndim != 2 or table.shape[1] == 0 or table.shape[0] not in (1, count):
-        text = f"{what}: the shape is {array.shape}, but (), ({count},), (1, bands) or ({count}, bands) is needed"
-        raise HatboxError(text)
+        shapes = f"(), ({count},), (1, bands) or ({count}, bands)" if count > 1 else "() or (1, bands)"
+        raise HatboxError(
+            f"{what}: the shape is {array.shape}, but {shapes} is needed\n"
+            "  help: give a row for all or one for each material; a scene without `materials` has a material for each face "
+            "if one of its arrays has a row for each"
+        )
     return [[float(number) for number in row] for row in np.broadcast_to(table, (count, table.shape[1]))]
 
 

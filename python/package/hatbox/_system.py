@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 # Elements of a solve that is not told how many.
 _ELEMENTS = 3000
+# Names of a list that are told.
+_NAMED = 3
 
 
 class PairBlock(NamedTuple):
@@ -182,13 +184,7 @@ class System:
         paints, a = keep if reflectance is None else spread("reflectance", reflectance, names, place)
         lamps, b = keep if exitance is None else spread("exitance", exitance, names, place)
         native = self._native.with_materials(paints, lamps, max(a, b))
-        _warn(
-            [
-                f"material `{name}` was dark when the operator was built: its light is left to rays, and may be noisy; "
-                "light it when you build, and dim it afterwards"
-                for name in native.new_lamps
-            ]
-        )
+        _warn(_dark_before(native.new_lamps))
         return System._of(native)
 
     def solve(
@@ -300,3 +296,16 @@ def _index(index: int) -> int:
 def _sparse(entries: tuple[Any, Any, Any], shape: tuple[int, int]) -> sparse.csr_array:
     rows, columns, values = entries
     return sparse.csr_array((values, (rows, columns)), shape=shape)
+
+
+def _dark_before(names: list[str]) -> list[str]:
+    """What is said of materials that were dark when the operator was built."""
+    if not names:
+        return []
+    some = ", ".join(f"`{name}`" for name in names[:_NAMED])
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    subject, their = (f"material {some} was", "its") if len(names) == 1 else (f"materials {some}{more} were", "their")
+    return [
+        f"{subject} dark when the operator was built: {their} light is left to rays, and may be noisy; "
+        "build with all lamps lit, and dim them afterwards"
+    ]

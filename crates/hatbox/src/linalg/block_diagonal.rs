@@ -418,6 +418,19 @@ mod tests {
     }
 
     #[test]
+    fn products_in_place_are_those_of_these_bands() {
+        for sizes in SIZES {
+            let (a, x) = (numbered(sizes, 3, 1.3), some(sizes[3]));
+            let of = |band: usize, x: &[f64]| {
+                let one = BlockDiagonal::new(sizes, 1, Vec::new(), |_, block| DiagonalBlock::Own(a.block(band, block)));
+                one.times(&MultiVector::from_bands(1, x.to_vec()).expect("one band")).into_vec()
+            };
+            let expected = [of(1, x.band(0)), of(2, x.band(1))].concat();
+            assert_equal(&a.times_from(1, x), &MultiVector::from_bands(2, expected).expect("two bands"));
+        }
+    }
+
+    #[test]
     fn a_product_applies_one_factor_after_the_other_and_a_sum_both() {
         for sizes in SIZES {
             let (a, b, c) = (numbered(sizes, 2, 1.3), numbered(sizes, 1, 0.7), numbered(sizes, 2, 0.4));

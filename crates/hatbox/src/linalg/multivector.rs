@@ -154,8 +154,12 @@ impl MultiVector {
 
 /// Changes every number of `a` by the one of `b` in its place.
 pub(crate) fn each(a: &mut [f64], b: &[f64], change: impl Fn(&mut f64, f64) + Sync) {
-    let parts = a.par_chunks_mut(LEAST_NUMBERS).zip(b.par_chunks(LEAST_NUMBERS));
-    parts.for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, &b)| change(a, b)));
+    let some = |(a, b): (&mut [f64], &[f64])| a.iter_mut().zip(b).for_each(|(a, &b)| change(a, b));
+    if a.len() <= LEAST_NUMBERS {
+        some((a, b));
+    } else {
+        a.par_chunks_mut(LEAST_NUMBERS).zip(b.par_chunks(LEAST_NUMBERS)).for_each(some);
+    }
 }
 
 /// `Σ a_i b_i` in a fixed order, so that the same input gives the same bits on any number of threads.

@@ -184,12 +184,13 @@ impl<'a> Search<'a> {
         params: &Params,
         progress: &dyn Progress,
     ) -> Result<Info, SolveError> {
-        self.fold();
+        self.fold(&(0..self.spaces.len()).collect::<Vec<_>>());
         // The tolerance is relative to the first bounce, in each band; those that are done are left alone.
-        let mut share = f64::INFINITY;
+        let (mut share, mut open) = (f64::INFINITY, Vec::new());
         for (band, rest) in self.target.norms().into_iter().enumerate() {
             if rest > params.tolerance * self.first_bounce[band] {
                 share = share.min(self.first_bounce[band] / rest);
+                open.push(band);
             } else {
                 self.target.band_mut(band).fill(0.0);
             }
@@ -201,8 +202,10 @@ impl<'a> Search<'a> {
         let [x, arrived] = &mut self.found;
         x.add_scaled(1.0, &step);
         arrived.add_scaled(1.0, &image);
-        let all: Vec<usize> = (0..step.bands()).collect();
-        keep(&mut self.kept, &all, &Product::of_bands(&step, &image), self.room);
+        let products = Product::of_bands(&step, &image);
+        for band in open {
+            self.kept.keep(band, &products[band], self.room.products);
+        }
         self.rest.as_mut_slice().fill(0.0);
         let converged = info.converged.iter().map(|n| done.iterations + n).collect();
         Ok(Info { iterations: done.iterations + info.iterations, residual: info.residual / share, converged })
@@ -215,12 +218,16 @@ impl<'a> Search<'a> {
         (solution, arrived, self.kept)
     }
 
-    /// Adds the best combinations to what is found, and begins afresh.
-    fn fold(&mut self) {
-        self.add_best();
-        self.target.clone_from(&self.rest);
+    /// Adds the best combinations of some bands to what is found, and begins these afresh.
+    fn fold(&mut self, bands: &[usize]) {
+        let [x, image] = &mut self.found;
+        for &band in bands {
+            self.spaces[band].add_best(&self.equation, x.band_mut(band), image.band_mut(band));
+            self.target.band_mut(band).copy_from_slice(self.rest.band(band));
+        }
     }
 
+    /// Adds the best combinations to what is found.
     fn add_best(&mut self) {
         let [x, image] = &mut self.found;
         let (rows, seen) = (x.rows().max(1), image.rows().max(1));
@@ -235,9 +242,9 @@ impl SearchSpace for Search<'_> {
     }
 
     fn extend(&mut self, bands: &[usize], mut directions: MultiVector) {
-        if bands.iter().any(|&band| self.spaces[band].products.len() >= self.most) {
-            self.fold();
-        }
+        let full = |&band: &usize| self.spaces[band].products.len() >= self.most;
+        let full: Vec<usize> = bands.iter().copied().filter(full).collect();
+        self.fold(&full);
         round(&mut directions);
         let image = self.equation.transport.seen.times(&directions);
         let products = Product::of_bands(&directions, &image);

@@ -1,7 +1,7 @@
 //! Which of many lamps a place is lit by one by one, and which stand for others: a cut through a tree over the lamps.
 //!
 //! With a lamp in every room of a building, asking every lamp at every point takes longer than all rays, and what most of
-//! them give is nothing. So a cut of at most [`CUT`] nodes is made for each cell, the node that can give most being opened
+//! them give is nothing. So a cut of few nodes is made for each cell, the node that can give most being opened
 //! first (B. Walter et al., "Lightcuts", SIGGRAPH 2005). A node that stays shut is represented by one of its lamps, another
 //! one at every point, drawn with a chance like its power; it then counts as much more: all lamps are right in the mean.
 
@@ -10,7 +10,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::f64::consts::FRAC_1_PI;
 
-/// Nodes of a cut, if no more rays are cast than that, and at the most.
+/// Most nodes of a cut where no more rays are cast than that, and wherever.
 pub(super) const CUT: usize = 64;
 const MOST: usize = 512;
 
@@ -152,6 +152,12 @@ mod tests {
         assert!(lamps.into_iter().eq((0..CUT as u32).map(|lamp| Chosen { lamp, times: 1.0 })));
         assert!(row(5).cut(DVec3::ZERO, 0.0, -DVec3::Z, 1).is_empty(), "they are behind");
         assert!(row(0).cut(DVec3::ZERO, 0.0, DVec3::Z, 1).is_empty());
+    }
+
+    #[test]
+    fn more_rays_ask_more_lamps() {
+        let count = |rays: usize| row(1000).cut(DVec3::ZERO, 0.0, DVec3::Z, rays).len();
+        assert_eq!([1, 65, 256, 5000].map(count), [CUT, 65, 256, MOST]);
     }
 
     #[test]

@@ -9,8 +9,8 @@
 //!
 //! Where the border of a shadow passes through a cell, those few points say too little, however many rays they send: some
 //! percent of error stayed on coarse meshes, whatever was asked for. There the lamp is looked at from all points that the cell's
-//! own rays start from, by a ray each, so that its error falls with theirs. A quarter of those points, shared among the lamps, are
-//! asked whether the rule has missed something. What each half of those points has seen tells that error.
+//! own rays start from, by a ray each, so that its error falls with theirs. A quarter of those points, shared among the lamps, and
+//! one for each at the least, are asked whether the rule has missed something. What each half of those points has seen tells that error.
 //!
 //! How many rays a point sends to a lamp does not depend on what they meet. More of them where the first ones disagree was a
 //! mistake: a lamp that is a quarter visible is missed by all of few rays more often than it is met by all of them, so that nobody
@@ -25,14 +25,12 @@
 //! its own: the shares are laid end to end, and a comb is laid over them, so that of lamps that are near each other the right
 //! number is asked; combs of neighbouring points are shifted evenly. Of many lamps only some are asked ([`LampTree`]), so
 //! that a building with a lamp in every room costs what one room costs.
-//!
-//! A sky is no lamp: rays find it, and a shadow ray or two to each of its faces are a worse sample of it than they are. The
-//! ceiling of a room that glows as a whole is one: of a closed room each wall is about a sixth.
 
 use super::cells::Cells;
 use super::fit::{Matrix, Take, factor, mean_mass, solve};
-use super::lamp_tree::{Bulb, CUT, Chosen, LampTree};
+use super::lamp_tree::{Bulb, Chosen, LampTree};
 use super::rays::{Points, Tracer};
+use super::strong::strong_sides;
 use crate::assemble::{Panel, Region, point_row};
 use crate::element::{ALL, Element, MAX_DOFS};
 use crate::exchange::{Geometry, Params};
@@ -45,13 +43,6 @@ use glam::DVec3;
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_1_PI;
 
-/// Cells that are so many times stronger than a mean one are lamps.
-const STRONG: f64 = 2.0;
-/// Strong cells of one material are left to rays if they look like more than this share of all area: the first, which is more than a
-/// wall of a cube, or the second where they are more faces than a cut has. So are, by the second, those of all materials that are
-/// strong alike, within this factor: whoever gives a number for each face gives each a material.
-const WIDE: [f64; 2] = [0.2, 0.05];
-const ALIKE: f64 = 16.0;
 /// Lamps that a cell looks at from all of its points, at the most.
 const MOST_MIXED: usize = 4;
 /// Points of a rule at the most: cells of all elements have so many parts of a lamp's net.
@@ -218,13 +209,14 @@ impl Lamps {
     /// they give, since less of the light is at stake with each.
     fn look_at_mixed(&self, found: &mut [View], net: &Net<'_>, dofs: usize, blockers: &Bvh) -> u32 {
         let (mut rays, mut left) = (0, MOST_MIXED);
-        let all: f64 = found.iter().filter(|view| view.for_itself).map(|view| view.whole).sum();
+        let gives = |view: &View| self.all[view.lamp as usize].strength * view.whole;
+        let all: f64 = found.iter().filter(|view| view.for_itself).map(gives).sum();
         let quarter = net.points.points.len() as f64 / 4.0;
         for view in found.iter_mut().filter(|view| view.for_itself) {
             if left == 0 {
                 break;
             }
-            let points = (quarter * view.whole / all.max(f64::MIN_POSITIVE)).ceil() as usize;
+            let points = (quarter * gives(view) / all.max(f64::MIN_POSITIVE)).ceil() as usize;
             let looks = if view.is_mixed() { Vec::new() } else { self.looks_between(view, net, points, blockers) };
             if view.is_mixed() || looks.last().is_some_and(|look| view.contradicts(look)) {
                 left -= 1;
@@ -352,56 +344,6 @@ impl Lamps {
             sum.iter_mut().zip(means).for_each(|(sum, mean)| *sum += value * mean);
         });
         factor
-    }
-}
-
-/// The cells that shine on each side of a face, face by face.
-fn strong_sides(geometry: &Geometry<'_>, cells: &Cells, params: &Params) -> Vec<Vec<u32>> {
-    let mut sides: BTreeMap<(u32, bool), Vec<u32>> = BTreeMap::new();
-    for cell in 0..params.strengths.len().min(cells.len()) {
-        if params.strengths[cell] > STRONG {
-            let surface = cells.surface(cell);
-            let front = geometry.surfaces[surface as usize].patch(DVec3::ZERO).normal();
-            let side = front.dot(cells.patch(cell).normal()) >= 0.0;
-            sides.entry((surface, side)).or_default().push(cell as u32);
-        }
-    }
-    let material = |on: &[u32]| geometry.scene.mesh.cells[on[0] as usize].material;
-    let strongest = |on: &[u32]| on.iter().map(|&cell| params.strengths[cell as usize]).fold(0.0, f64::max);
-    let kind = |on: &[u32]| (strongest(on) / STRONG).log(ALIKE) as i32;
-    let apparent = apparent_areas(cells, params);
-    let (mut of_material, mut of_kind) = (BTreeMap::new(), BTreeMap::new());
-    for on in sides.values() {
-        let more: f64 = on.iter().map(|&cell| apparent(cell as usize)).sum();
-        let sums: [&mut (usize, f64); 2] =
-            [of_material.entry(material(on)).or_default(), of_kind.entry(kind(on)).or_default()];
-        for (faces, area) in sums {
-            (*faces, *area) = (*faces + 1, *area + more);
-        }
-    }
-    let all: f64 = (0..cells.len()).map(&apparent).sum();
-    let are_wide = |(faces, area): (usize, f64)| area > WIDE[usize::from(faces > CUT)] * all;
-    let are_many = |(faces, _): (usize, f64)| faces > CUT;
-    let is_wide = |on: &[u32]| {
-        let (of_material, of_kind) = (of_material[&material(on)], of_kind[&kind(on)]);
-        are_wide(of_material) || (are_many(of_kind) && are_wide(of_kind))
-    };
-    sides.into_values().filter(|on| !is_wide(on)).collect()
-}
-
-/// The area of a cell; of one farther from the middle of what does not shine than that is on average, as large as it looks from
-/// there at that distance: a sun is small, however far, and a sky wide.
-fn apparent_areas<'a>(cells: &'a Cells, params: &'a Params) -> impl Fn(usize) -> f64 + 'a {
-    let center = |cell: usize| cells.patch(cell).center();
-    let is_weak = |&cell: &usize| params.strengths.get(cell).is_none_or(|&strength| strength <= STRONG);
-    let weak = || (0..cells.len()).filter(is_weak);
-    let area: f64 = weak().map(|cell| cells.area(cell)).sum();
-    let middle = weak().map(|cell| cells.area(cell) * center(cell)).sum::<DVec3>() / area;
-    let square = weak().map(|cell| cells.area(cell) * center(cell).distance_squared(middle)).sum::<f64>() / area;
-    move |cell| {
-        let shrunk = square / center(cell).distance_squared(middle);
-        // Where everything shines there is no middle.
-        cells.area(cell) * if shrunk < 1.0 { shrunk } else { 1.0 }
     }
 }
 

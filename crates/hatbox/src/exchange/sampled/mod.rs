@@ -34,6 +34,7 @@ mod product;
 mod rays;
 mod source;
 mod spots;
+mod strong;
 mod sums;
 
 use super::hierarchical::{Linked, Links};
