@@ -1,7 +1,8 @@
 //! Time, memory and estimated error against the number of elements, on scenes of `examples/generate`.
 //!
 //! `cargo bench -p hatbox --bench scale [-- MOST [KIND]]`: every scene at every size up to MOST (1 000 000) with that kind
-//! of operator (hierarchical). `… -- SCENE ELEMENTS KIND [TOLERANCE]` is one of them. Each is run in a process of its
+//! of operator (hierarchical). `… -- SCENE ELEMENTS KIND [TOLERANCE]` is one of them, `… -- suns FACETS [KIND [TOLERANCE]]` the
+//! terrain under a hundred suns. Each is run in a process of its
 //! own, so that the memory is its own. Beyond two million elements there are only `build` and `solve`. `build` makes the operator, `solve` solves, `check` estimates the error, `relight`
 //! solves again with lamps of another colour on the same operator, and `repaint` after that with other paints; all in
 //! seconds. `passes` are those of the operator in the three. `CPU s` are those of the first three, of all threads. `noise` is the error of the operator from two halves of its
@@ -149,32 +150,39 @@ fn light(facets: usize, kind: &str, tolerance: f64) {
     let (started, cpu) = (Instant::now(), cpu_seconds());
     let system = System::build(&scene, &options, &Silent).expect("built");
     let (build, build_cpu) = (started.elapsed().as_secs_f64(), cpu_seconds() - cpu);
-    let blockers = Bvh::of_surfaces(&scene.surfaces);
-    let (mut direct, mut solve, mut solve_cpu, mut iterations) = (0.0, 0.0, 0.0, 0);
-    for batch in (0..SUNS).collect::<Vec<_>>().chunks(BATCH) {
-        let started = Instant::now();
-        let loads = MultiVector::from_bands(
-            batch.len(),
-            batch.iter().flat_map(|&sun| reflected(&system, &blockers, sun)).collect(),
-        );
-        direct += started.elapsed().as_secs_f64();
-        let (started, cpu) = (Instant::now(), cpu_seconds());
-        let solver = system.best_solver();
-        let params = system.solver_params(solver);
-        let (_, info) = system.solve_for(&loads.expect("whole columns"), solver, &params, &Silent).expect("solved");
-        (solve, solve_cpu) = (solve + started.elapsed().as_secs_f64(), solve_cpu + cpu_seconds() - cpu);
-        iterations = iterations.max(info.iterations);
-    }
+    let Suns { direct, solve, solve_cpu, iterations } = suns(&system);
     let error = 100.0 * system.exchange.statistics().visibility_error;
+    let [quotient, of_cpu] = [(build + solve) / build, (build_cpu + solve_cpu) / build_cpu];
     println!("terrain    {kind:<12} facets {}, {SUNS} suns, error of the operator {error:.1} %", system.space.cells());
     println!("build {build:.1} s, direct {direct:.1} s, solve {solve:.1} s ({iterations} iterations)");
-    let quotients = [(build + solve) / build, (build_cpu + solve_cpu) / build_cpu];
-    println!(
-        "(build + solve)/build {:.2}, of CPU time {:.2}; peak {:.0} MB",
-        quotients[0],
-        quotients[1],
-        peak_megabytes()
-    );
+    println!("(build + solve)/build {quotient:.2}, of CPU time {of_cpu:.2}; peak {:.0} MB", peak_megabytes());
+}
+
+/// Seconds, and iterations at the most.
+#[derive(Default)]
+struct Suns {
+    direct: f64,
+    solve: f64,
+    solve_cpu: f64,
+    iterations: usize,
+}
+
+/// Solves for all suns, so many at once.
+fn suns(system: &System) -> Suns {
+    let (blockers, mut took) = (Bvh::of_surfaces(&system.scene.surfaces), Suns::default());
+    for batch in (0..SUNS).collect::<Vec<_>>().chunks(BATCH) {
+        let started = Instant::now();
+        let loads = batch.iter().flat_map(|&sun| reflected(system, &blockers, sun)).collect();
+        let loads = MultiVector::from_bands(batch.len(), loads).expect("whole columns");
+        took.direct += started.elapsed().as_secs_f64();
+        let (started, cpu) = (Instant::now(), cpu_seconds());
+        let solver = system.best_solver();
+        let (_, info) = system.solve_for(&loads, solver, &system.solver_params(solver), &Silent).expect("solved");
+        took.solve += started.elapsed().as_secs_f64();
+        took.solve_cpu += cpu_seconds() - cpu;
+        took.iterations = took.iterations.max(info.iterations);
+    }
+    took
 }
 
 /// What the facets reflect of a sun of 1 W/m², times their areas.

@@ -80,15 +80,12 @@ impl MultiVector {
         Self { rows: self.rows, bands: 1, data: self.band(band).to_vec() }
     }
 
-    /// Some bands, each divided by its number of these.
+    /// Some bands, of each number what `of` makes of its band and itself.
     #[must_use]
-    pub(crate) fn some_over(&self, bands: &[usize], divisors: &[f64]) -> Self {
+    pub(crate) fn some(&self, bands: &[usize], of: impl Fn(usize, f64) -> f64 + Sync) -> Self {
         let mut some = Self::zeros(self.rows, bands.len());
         let columns = some.data.par_chunks_mut(self.rows.max(1)).zip(bands);
-        columns.for_each(|(column, &band)| {
-            let divisor = divisors[band];
-            each(column, self.band(band), |y, x| *y = x / divisor);
-        });
+        columns.for_each(|(column, &band)| each(column, self.band(band), |y, x| *y = of(band, x)));
         some
     }
 

@@ -91,27 +91,28 @@ impl Product {
 
 /// What is known of S from each band's functions.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Products(Vec<Vec<Arc<Product>>>);
+pub(super) struct Products {
+    of_bands: Vec<Vec<Arc<Product>>>,
+    bytes: usize,
+}
 
 impl Products {
     /// Adds a product to those of a band, if so many bytes are enough for it and all others, and single precision for its numbers.
     pub(super) fn keep(&mut self, band: usize, product: &Arc<Product>, most_bytes: usize) {
-        self.0.resize_with(self.0.len().max(band + 1), Vec::new);
-        if self.0[band].len() < MOST && self.bytes() + product.bytes() <= most_bytes && product.is_held() {
-            self.0[band].push(Arc::clone(product));
+        self.of_bands.resize_with(self.of_bands.len().max(band + 1), Vec::new);
+        let bytes = self.bytes + product.bytes();
+        if self.of_bands[band].len() < MOST && bytes <= most_bytes && product.is_held() {
+            self.of_bands[band].push(Arc::clone(product));
+            self.bytes = bytes;
         }
-    }
-
-    fn bytes(&self) -> usize {
-        self.0.iter().flatten().map(|product| product.bytes()).sum()
     }
 
     /// These and older ones, as many as may be kept in so many bytes.
     pub(super) fn with(mut self, older: &Self, most_bytes: usize) -> Self {
         // The same number of each band at a time, so that none goes without.
-        let longest = older.0.iter().map(Vec::len).max().unwrap_or(0);
+        let longest = older.of_bands.iter().map(Vec::len).max().unwrap_or(0);
         for k in 0..longest {
-            for (band, of_band) in older.0.iter().enumerate() {
+            for (band, of_band) in older.of_bands.iter().enumerate() {
                 of_band.get(k).into_iter().for_each(|product| self.keep(band, product, most_bytes));
             }
         }
@@ -125,7 +126,7 @@ impl Products {
 
     /// Those of a band.
     pub(super) fn of_band(&self, band: usize) -> &[Arc<Product>] {
-        self.0.get(band).map_or(&[], Vec::as_slice)
+        self.of_bands.get(band).map_or(&[], Vec::as_slice)
     }
 }
 
@@ -197,12 +198,16 @@ mod tests {
 
     #[test]
     fn products_take_no_more_bytes_than_they_may() {
+        let product = Arc::new(Product::new(&[1.0; 3], &[1.0; 3]));
         let some = |counts: [usize; 2]| {
-            let product = |_| Arc::new(Product::new(&[1.0; 3], &[1.0; 3]));
-            Products(counts.map(|count| (0..count).map(product).collect()).to_vec())
+            let mut some = Products::default();
+            for (band, count) in counts.into_iter().enumerate() {
+                (0..count).for_each(|_| some.keep(band, &product, usize::MAX));
+            }
+            some
         };
         let lengths = |products: Products| [0, 1].map(|band| products.of_band(band).len());
-        let each = some([1, 0]).bytes();
+        let each = product.bytes();
         assert_eq!(lengths(some([1, 1]).with(&some([9, 2]), 5 * each)), [3, 2]);
         assert_eq!(lengths(some([30, 1]).with(&some([9, 2]), 500 * each)), [MOST, 3]);
     }

@@ -291,7 +291,7 @@ fn arrived_of(
         drop(arrived);
         return ask(emission);
     }
-    let image = ask(&emission.some_over(&bands, &vec![1.0; emission.bands()]));
+    let image = ask(&emission.some(&bands, |_, x| x));
     bands.iter().enumerate().for_each(|(k, &band)| arrived.band_mut(band).copy_from_slice(image.band(k)));
     arrived
 }

@@ -53,7 +53,7 @@ pub fn search(
         before.push_back(norms.clone());
         // Of norm 1, as whoever keeps few digits of them wants it.
         let bands: Vec<usize> = (0..open.len()).filter(|&band| open[band]).collect();
-        let left = space.rest().some_over(&bands, &norms);
+        let left = space.rest().some(&bands, |band, x| x / norms[band]);
         space.extend(&bands, preconditioner.times_owned(left));
     }
 }

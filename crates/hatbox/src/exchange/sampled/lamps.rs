@@ -10,12 +10,14 @@
 //! Where the border of a shadow passes through a cell, those few points say too little, however many rays they send: some
 //! percent of error stayed on coarse meshes, whatever was asked for. There the lamp is looked at from all points that the cell's
 //! own rays start from, by a ray each, so that its error falls with theirs. A quarter of those points, shared among the lamps, and
-//! one for each at the least, are asked whether the rule has missed something. What each half of those points has seen tells that error.
+//! one for each at the least, are asked whether the rule has missed something. What each half of those points has seen
+//! tells that error.
 //!
 //! How many rays a point sends to a lamp does not depend on what they meet. More of them where the first ones disagree was a
 //! mistake: a lamp that is a quarter visible is missed by all of few rays more often than it is met by all of them, so that nobody
-//! asks on, and its light is too little on the average, with any number of points. (Whether a cell looks from all of its points does
-//! depend on rays: those of the rule and of its share of a quarter of its points; a lamp of which all of them miss a hundredth is whole.)
+//! asks on, and its light is too little on the average, with any number of points. (Whether a cell looks from all of its
+//! points does depend on rays: those of the rule and of its share of a quarter of its points; a lamp of which all of them
+//! miss a hundredth is whole.)
 //!
 //! A point of a rule takes the share of its rays that arrive for that of ∫G. By one ray alone that is the share of the area, which is
 //! not the same for a lamp that is large for its distance; such lamps have more of the budget.
