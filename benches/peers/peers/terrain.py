@@ -27,7 +27,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import sparse
 from scipy.stats import qmc
-from threadpoolctl import threadpool_limits
 
 import hatbox
 
@@ -200,11 +199,15 @@ def full(corners: np.ndarray) -> Built:
 
 def compressed(corners: np.ndarray, epsilon: float) -> Built:
     """The midpoint form as blocks of a quadtree, F_ij / A_j likewise."""
+    from threadpoolctl import threadpool_limits
+
     embree, (root, order) = _embree(corners), _quadtree(corners.mean(axis=1))
     facets, pieces = Facets.of(corners).some(order), []
     for one, two in _blocks(root, root):
         block = _kernel(embree, facets.some(one.span), facets.some(two.span), same=one is two)
-        for rows, columns, factors in _packed(block, one, two, epsilon):
+        with threadpool_limits(1):
+            packed = _packed(block, one, two, epsilon)
+        for rows, columns, factors in packed:
             pieces += [(rows, columns, factors), (columns, rows, [factor.T for factor in factors[::-1]])]
 
     def times(x: np.ndarray) -> np.ndarray:
@@ -286,9 +289,8 @@ def _thin(block: sparse.csr_array, most: int, epsilon: float) -> list[np.ndarray
     goal = (1 - epsilon**2) * np.square(block.data, dtype=float).sum()
     for width in sorted({min(width, limit) for width in (16, 64, limit)}) if most else ():
         sample = random.standard_normal((block.shape[1], width), np.float32)
-        with threadpool_limits(1):
-            basis = np.linalg.qr(block @ (block.T @ (block @ sample)))[0]
-            u, s, v = np.linalg.svd((block.T @ basis).T, full_matrices=False)
+        basis = np.linalg.qr(block @ (block.T @ (block @ sample)))[0]
+        u, s, v = np.linalg.svd((block.T @ basis).T, full_matrices=False)
         rank = int(np.searchsorted(np.cumsum(np.square(s, dtype=float)), goal)) + 1
         if rank <= width:
             return [basis @ (u[:, :rank] * s[:rank]), v[:rank].copy()] if rank <= most else []
