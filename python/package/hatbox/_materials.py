@@ -61,7 +61,7 @@ def _rows(what: str, array: npt.NDArray[np.float64], count: int) -> list[Given]:
         shapes = f"(), ({count},), (1, bands) or ({count}, bands)" if count > 1 else "() or (1, bands)"
         raise HatboxError(
             f"{what}: the shape is {array.shape}, but {shapes} is needed\n"
-            "  help: give a row for all or one for each material; a scene without `materials` has a material for each face "
+            "  help: give a row for all or one for each material; a scene without `materials` has one for each face "
             "if one of its arrays has a row for each"
         )
     return [[float(number) for number in row] for row in np.broadcast_to(table, (count, table.shape[1]))]
