@@ -1,4 +1,4 @@
-use super::{LinearOperator, MultiVector};
+use super::{LinearOperator, MultiVector, Number};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -198,11 +198,31 @@ impl BlockDiagonal {
 
     /// The numbers of one row, and the column of the first.
     pub fn row(&self, band: usize, row: usize) -> (usize, impl Iterator<Item = f64> + '_) {
-        let block = self.offsets.partition_point(|&offset| offset as usize <= row) - 1;
+        let block = match self.size {
+            Some(size) => row / size,
+            None => self.offsets.partition_point(|&offset| offset as usize <= row) - 1,
+        };
         let rows = self.rows_of(block);
         let (matrix, factor) = self.of(band, block);
         let place = (row - rows.start) * rows.len();
         (rows.start, matrix[place..place + rows.len()].iter().map(move |number| factor * number))
+    }
+
+    /// The product of one row with a column.
+    pub(crate) fn row_times<T: Number>(&self, band: usize, row: usize, x: &[T]) -> f64 {
+        let (first, numbers) = self.row(band, row);
+        numbers.zip(&x[first..]).map(|(number, &x)| number * x.into()).sum()
+    }
+
+    /// The products of rows from this one on with a column.
+    pub(crate) fn rows_times<T: Number>(&self, band: usize, first: usize, x: &[T], y: &mut [f64]) {
+        match self.size {
+            Some(size) if first.is_multiple_of(size) && y.len().is_multiple_of(size) => {
+                let rows = first..first + y.len();
+                self.apply_some(band, first / size..rows.end / size, &x[rows], y);
+            }
+            _ => (first..).zip(y).for_each(|(row, y)| *y = self.row_times(band, row, x)),
+        }
     }
 
     /// The entries as (row, column, value), for one band.
@@ -238,18 +258,18 @@ impl BlockDiagonal {
     }
 
     /// The rows of some blocks, from the part of x that they act on.
-    fn apply_some(&self, band: usize, blocks: Range<usize>, x: &[f64], y: &mut [f64]) {
+    fn apply_some<T: Number>(&self, band: usize, blocks: Range<usize>, x: &[T], y: &mut [f64]) {
         let blocks = blocks.map(|block| self.of(band, block));
         match self.size {
-            Some(1) => apply_alike::<1>(blocks, x, y),
-            Some(3) => apply_alike::<3>(blocks, x, y),
+            Some(1) => apply_alike::<1, T>(blocks, x, y),
+            Some(3) => apply_alike::<3, T>(blocks, x, y),
             _ => {
                 let mut place = 0;
                 for (matrix, factor) in blocks {
                     let n = matrix.len().isqrt();
                     let here = place..place + n;
                     for (y, row) in y[here.clone()].iter_mut().zip(matrix.chunks_exact(n)) {
-                        *y = factor * row.iter().zip(&x[here.clone()]).map(|(a, x)| a * x).sum::<f64>();
+                        *y = factor * row.iter().zip(&x[here.clone()]).map(|(a, &x)| a * x.into()).sum::<f64>();
                     }
                     place += n;
                 }
@@ -269,15 +289,6 @@ impl BlockDiagonal {
             }
         });
     }
-
-    /// The product with x, whose first band is this one of these, in the memory of x.
-    pub(crate) fn times_from(&self, first: usize, mut x: MultiVector) -> MultiVector {
-        self.in_pieces(&mut x, |band, blocks, _, x| {
-            let before = x.to_vec();
-            self.apply_some(first + band, blocks, &before, x);
-        });
-        x
-    }
 }
 
 impl LinearOperator for BlockDiagonal {
@@ -290,17 +301,21 @@ impl LinearOperator for BlockDiagonal {
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
         self.in_pieces(y, |band, blocks, rows, y| self.apply_some(band, blocks, &x.band(band)[rows], y));
     }
-    fn times_owned(&self, x: MultiVector) -> MultiVector {
-        self.times_from(0, x)
+    fn times_owned(&self, mut x: MultiVector) -> MultiVector {
+        self.in_pieces(&mut x, |band, blocks, _, x| {
+            let before = x.to_vec();
+            self.apply_some(band, blocks, &before, x);
+        });
+        x
     }
 }
 
 /// y = A x for blocks of N rows.
-fn apply_alike<'a, const N: usize>(blocks: impl Iterator<Item = (&'a [f64], f64)>, x: &[f64], y: &mut [f64]) {
+fn apply_alike<'a, const N: usize, T: Number>(blocks: impl Iterator<Item = (&'a [f64], f64)>, x: &[T], y: &mut [f64]) {
     let places = y.as_chunks_mut::<N>().0.iter_mut().zip(x.as_chunks::<N>().0);
     for ((matrix, factor), (y, x)) in blocks.zip(places) {
         for (y, row) in y.iter_mut().zip(matrix.as_chunks::<N>().0) {
-            *y = factor * row.iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
+            *y = factor * row.iter().zip(x).map(|(a, &x)| a * x.into()).sum::<f64>();
         }
     }
 }
@@ -418,15 +433,24 @@ mod tests {
     }
 
     #[test]
-    fn products_in_place_are_those_of_these_bands() {
+    fn products_in_place_and_row_by_row_are_those_of_the_bands() {
         for sizes in SIZES {
             let (a, x) = (numbered(sizes, 3, 1.3), some(sizes[3]));
             let of = |band: usize, x: &[f64]| {
                 let one = BlockDiagonal::new(sizes, 1, Vec::new(), |_, block| DiagonalBlock::Own(a.block(band, block)));
                 one.times(&MultiVector::from_bands(1, x.to_vec()).expect("one band")).into_vec()
             };
-            let expected = [of(1, x.band(0)), of(2, x.band(1))].concat();
-            assert_equal(&a.times_from(1, x), &MultiVector::from_bands(2, expected).expect("two bands"));
+            let expected =
+                MultiVector::from_bands(2, [of(0, x.band(0)), of(1, x.band(1))].concat()).expect("two bands");
+            // From the first row, and from one in the middle of a block where there is one.
+            for (band, first) in [(0, 0), (1, 1)] {
+                let mut rows = vec![0.0; x.rows() - first];
+                a.rows_times(band, first, x.band(band), &mut rows);
+                for (found, expected) in rows.iter().zip(&expected.band(band)[first..]) {
+                    assert!((found - expected).abs() < 1e-11, "{found} {expected}");
+                }
+            }
+            assert_equal(&a.times_owned(x), &expected);
         }
     }
 

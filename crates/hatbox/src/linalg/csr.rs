@@ -1,4 +1,4 @@
-use super::{LinearOperator, MultiVector};
+use super::{LinearOperator, MultiVector, Number};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -12,6 +12,8 @@ pub struct Csr {
     offsets: Vec<usize>,
     indices: Vec<u32>,
     values: Vec<f64>,
+    /// Whether each row is one entry, which is 1: what joins functions where no nodes hang.
+    picks: bool,
 }
 
 impl Csr {
@@ -23,22 +25,28 @@ impl Csr {
         assert!(triplets.iter().all(|t| (t.0 as usize) < rows && (t.1 as usize) < cols), "triplet outside the matrix");
         // A stable sort keeps the order of entries that meet, so that their sum is reproducible.
         triplets.sort_by_key(|t| (t.0, t.1));
-        let mut matrix = Self { cols, offsets: vec![0; rows + 1], indices: Vec::new(), values: Vec::new() };
+        let (mut offsets, mut indices, mut values) = (vec![0; rows + 1], Vec::new(), Vec::new());
         let mut last = None;
         for (row, col, value) in triplets {
             if last == Some((row, col)) {
-                *matrix.values.last_mut().expect("an entry was just pushed") += value;
+                *values.last_mut().expect("an entry was just pushed") += value;
             } else {
-                matrix.indices.push(col);
-                matrix.values.push(value);
-                matrix.offsets[row as usize + 1] += 1;
+                indices.push(col);
+                values.push(value);
+                offsets[row as usize + 1] += 1;
                 last = Some((row, col));
             }
         }
         for row in 0..rows {
-            matrix.offsets[row + 1] += matrix.offsets[row];
+            offsets[row + 1] += offsets[row];
         }
-        matrix
+        Self::new(cols, offsets, indices, values)
+    }
+
+    fn new(cols: usize, offsets: Vec<usize>, indices: Vec<u32>, values: Vec<f64>) -> Self {
+        let picks = offsets.iter().enumerate().all(|(row, &start)| start == row)
+            && values.iter().all(|v| v.to_bits() == 1.0_f64.to_bits());
+        Self { cols, offsets, indices, values, picks }
     }
 
     /// Builds the matrix from the entries (column, value) of each row, columns ascending.
@@ -46,15 +54,15 @@ impl Csr {
     /// # Panics
     /// If columns do not ascend or lie outside the matrix.
     pub fn from_rows(cols: usize, rows: impl IntoIterator<Item = Vec<(u32, f64)>>) -> Self {
-        let mut matrix = Self { cols, offsets: vec![0], indices: Vec::new(), values: Vec::new() };
+        let (mut offsets, mut indices, mut values) = (vec![0], Vec::new(), Vec::new());
         for row in rows {
             assert!(row.is_sorted_by(|a, b| a.0 < b.0), "columns must ascend");
             assert!(row.last().is_none_or(|last| (last.0 as usize) < cols), "entry outside the matrix");
-            matrix.indices.extend(row.iter().map(|entry| entry.0));
-            matrix.values.extend(row.iter().map(|entry| entry.1));
-            matrix.offsets.push(matrix.values.len());
+            indices.extend(row.iter().map(|entry| entry.0));
+            values.extend(row.iter().map(|entry| entry.1));
+            offsets.push(values.len());
         }
-        matrix
+        Self::new(cols, offsets, indices, values)
     }
 
     /// One entry; 0 where none is stored.
@@ -68,6 +76,24 @@ impl Csr {
     pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let range = self.range(row);
         self.indices[range.clone()].iter().zip(&self.values[range]).map(|(&col, &value)| (col as usize, value))
+    }
+
+    /// The product of one row with a column.
+    pub(crate) fn row_times<T: Number>(&self, row: usize, x: &[T]) -> f64 {
+        if self.picks {
+            x[self.indices[row] as usize].into()
+        } else {
+            self.row(row).map(|(col, value)| value * x[col].into()).sum()
+        }
+    }
+
+    /// Adds so many times one row to y.
+    pub(crate) fn add_row(&self, row: usize, times: f64, y: &mut [f64]) {
+        if self.picks {
+            y[self.indices[row] as usize] += times;
+        } else {
+            self.row(row).for_each(|(col, value)| y[col] += value * times);
+        }
     }
 
     /// Number of stored entries.
@@ -98,7 +124,7 @@ impl Csr {
                 next[col] += 1;
             }
         }
-        Self { cols: self.rows(), offsets, indices, values }
+        Self::new(self.rows(), offsets, indices, values)
     }
 
     /// The diagonal.
@@ -119,9 +145,30 @@ impl LinearOperator for Csr {
             for place in 0..y.first().map_or(0, |band| band.len()) {
                 let row = part * ROWS + place;
                 for (y, x) in y.iter_mut().zip(x.iter_bands()) {
-                    y[place] = self.row(row).map(|(col, value)| value * x[col]).sum();
+                    y[place] = self.row_times(row, x);
                 }
             }
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What picks numbers, and what does not though it has as many entries: one is not 1, or a row has two and another none.
+    #[test]
+    fn rows_are_multiplied_and_added_alike_whether_they_pick_or_not() {
+        let (x, times) = ([2.0_f32, 3.0, 5.0], [7.0, 11.0, 13.0]);
+        for (rows, product, sum) in [
+            ([vec![(2, 1.0)], vec![(0, 1.0)], vec![(2, 1.0)]], [5.0, 2.0, 5.0], [11.0, 0.0, 20.0]),
+            ([vec![(2, 1.0)], vec![(0, 0.5)], vec![(2, 1.0)]], [5.0, 1.0, 5.0], [5.5, 0.0, 20.0]),
+            ([vec![(0, 1.0), (2, 1.0)], vec![], vec![(1, 1.0)]], [7.0, 0.0, 3.0], [7.0, 13.0, 7.0]),
+        ] {
+            let matrix = Csr::from_rows(3, rows);
+            let mut y = [0.0; 3];
+            times.iter().enumerate().for_each(|(row, &times)| matrix.add_row(row, times, &mut y));
+            assert_eq!((std::array::from_fn(|row| matrix.row_times(row, &x)), y), (product, sum));
+        }
     }
 }

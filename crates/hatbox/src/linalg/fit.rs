@@ -1,5 +1,6 @@
 //! Least squares of a few long columns.
 
+use super::Number;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -11,28 +12,28 @@ const DEPENDENT: f64 = 1e-6;
 
 /// Columns a_j, more and more of them, whose combinations are fitted to a target t.
 #[derive(Debug, Clone)]
-pub(crate) struct Columns {
+pub(crate) struct Columns<T> {
     /// What each row counts in sums.
     weights: Arc<[f64]>,
-    all: Vec<Vec<f64>>,
+    all: Vec<Vec<T>>,
     /// Products of each column with those up to itself.
     products: Vec<Vec<f64>>,
     /// The weighted sum of each.
     sums: Vec<f64>,
 }
 
-impl Columns {
+impl<T: Number> Columns<T> {
     /// None yet; in sums each row counts so much.
     pub(crate) fn summed(weights: &Arc<[f64]>) -> Self {
         Self { weights: Arc::clone(weights), all: Vec::new(), products: Vec::new(), sums: Vec::new() }
     }
 
     /// Adds columns, all of one length.
-    pub(crate) fn extend(&mut self, new: impl IntoIterator<Item = Vec<f64>>) {
+    pub(crate) fn extend(&mut self, new: impl IntoIterator<Item = Vec<T>>) {
         let before = self.all.len();
         self.all.extend(new);
         self.sums.extend(self.all[before..].iter().map(|column| super::dot(column, &self.weights)));
-        let all: Vec<&[f64]> = self.all.iter().map(Vec::as_slice).collect();
+        let all: Vec<&[T]> = self.all.iter().map(Vec::as_slice).collect();
         let products = products(&all[before..], &all);
         self.products.extend(products.into_iter().enumerate().map(|(k, mut row)| {
             row.truncate(before + k + 1);
@@ -62,7 +63,7 @@ impl Columns {
 
     /// The products of each column with a target.
     fn times(&self, target: &[f64]) -> Vec<f64> {
-        let all: Vec<&[f64]> = self.all.iter().map(Vec::as_slice).collect();
+        let all: Vec<&[T]> = self.all.iter().map(Vec::as_slice).collect();
         products(&all, &[target]).concat()
     }
 
@@ -84,7 +85,7 @@ impl Columns {
     pub(crate) fn subtract(&self, y: &[f64], target: &mut [f64]) {
         target.par_chunks_mut(ROWS).enumerate().for_each(|(part, rest)| {
             for (column, y) in self.all.iter().zip(y).filter(|(_, y)| **y != 0.0) {
-                rest.iter_mut().zip(&column[part * ROWS..]).for_each(|(rest, a)| *rest -= y * a);
+                rest.iter_mut().zip(&column[part * ROWS..]).for_each(|(rest, &a)| *rest -= y * a.into());
             }
         });
     }
@@ -96,11 +97,11 @@ impl Columns {
 }
 
 /// The products of each column on the left with each on the right.
-fn products(left: &[&[f64]], right: &[&[f64]]) -> Vec<Vec<f64>> {
+fn products<A: Number, B: Number>(left: &[&[A]], right: &[&[B]]) -> Vec<Vec<f64>> {
     let length = left.first().map_or(0, |column| column.len());
     let of_part = |part: usize| -> Vec<f64> {
         let rows = part * ROWS..((part + 1) * ROWS).min(length);
-        let with = |a: &[f64]| right.iter().map(|b| super::dot(a, &b[rows.clone()])).collect::<Vec<f64>>();
+        let with = |a: &[A]| right.iter().map(|b| super::dot(a, &b[rows.clone()])).collect::<Vec<f64>>();
         left.iter().flat_map(|a| with(&a[rows.clone()])).collect()
     };
     let parts: Vec<Vec<f64>> = (0..length.div_ceil(ROWS)).into_par_iter().map(of_part).collect();
@@ -156,7 +157,7 @@ mod tests {
     }
 
     /// What the best combination leaves.
-    fn rest(columns: &Columns, target: &[f64]) -> Vec<f64> {
+    fn rest(columns: &Columns<f64>, target: &[f64]) -> Vec<f64> {
         let mut rest = target.to_vec();
         columns.subtract(&columns.fit(target), &mut rest);
         rest
@@ -224,6 +225,6 @@ mod tests {
 
     #[test]
     fn no_columns_have_no_coefficients() {
-        assert_eq!(Columns::summed(&vec![1.0; 50_000].into()).fit(&[1.0, 2.0]), Vec::<f64>::new());
+        assert_eq!(Columns::<f64>::summed(&vec![1.0; 50_000].into()).fit(&[1.0, 2.0]), Vec::<f64>::new());
     }
 }

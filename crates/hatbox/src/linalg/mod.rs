@@ -9,12 +9,14 @@ mod block_diagonal;
 mod csr;
 mod fit;
 mod multivector;
+mod number;
 
 pub use block_diagonal::{BlockDiagonal, DiagonalBlock};
 pub use csr::Csr;
 pub(crate) use fit::Columns;
 pub use multivector::MultiVector;
 pub(crate) use multivector::{dot, each};
+pub(crate) use number::Number;
 
 /// A linear map applied to all columns of a [`MultiVector`] in one pass.
 ///

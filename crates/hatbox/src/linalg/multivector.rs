@@ -1,3 +1,4 @@
+use super::Number;
 use rayon::prelude::*;
 
 /// Numbers of a thread at the least, and those of a partial sum.
@@ -160,7 +161,7 @@ pub(crate) fn each(a: &mut [f64], b: &[f64], change: impl Fn(&mut f64, f64) + Sy
 }
 
 /// `Σ a_i b_i` in a fixed order, so that the same input gives the same bits on any number of threads.
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot<A: Number, B: Number>(a: &[A], b: &[B]) -> f64 {
     let parts = a.par_chunks(LEAST_NUMBERS).zip(b.par_chunks(LEAST_NUMBERS));
     if a.len() <= LEAST_NUMBERS {
         dot_part(a, b)
@@ -170,16 +171,16 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// The same of a part, in eight interleaved sums.
-fn dot_part(a: &[f64], b: &[f64]) -> f64 {
+fn dot_part<A: Number, B: Number>(a: &[A], b: &[B]) -> f64 {
     let mut lanes = [0.0; 8];
     let (a8, a_rest) = a.as_chunks::<8>();
     let (b8, b_rest) = b.as_chunks::<8>();
     for (x, y) in a8.iter().zip(b8) {
         for lane in 0..8 {
-            lanes[lane] += x[lane] * y[lane];
+            lanes[lane] += x[lane].into() * y[lane].into();
         }
     }
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(x, y)| x * y).sum();
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(&x, &y)| x.into() * y.into()).sum();
     lanes.iter().sum::<f64>() + rest
 }
 

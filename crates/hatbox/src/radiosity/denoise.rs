@@ -19,8 +19,8 @@ const MOST: f64 = 2.0;
 /// Cells of a thread at the least.
 const LEAST_CELLS: usize = 1 << 12;
 
-/// Adds the change that averaging makes on cells where it is no more than noise; what each material receives is kept. Both, the
-/// change and the noise, and the irradiance are of one band.
+/// Adds the change that averaging makes on cells where it is no more than noise, in each band; what each material receives is
+/// kept. The irradiance is that of the same bands, one after the other.
 pub(super) fn remove_noise(
     mesh: &Mesh,
     space: &FunctionSpace,
@@ -28,34 +28,42 @@ pub(super) fn remove_noise(
     [change, noise]: [&MultiVector; 2],
     irradiance: &mut [f64],
 ) {
+    let weighted = [change, noise].map(|x| mass.times(x));
+    irradiance.par_chunks_mut(change.rows().max(1)).enumerate().for_each(|(band, irradiance)| {
+        let both = [[change, &weighted[0]], [noise, &weighted[1]]].map(|pair| pair.map(|x| x.band(band)));
+        of_band(mesh, space, both, irradiance);
+    });
+}
+
+/// The same for one band, of change and noise each as it is and times the mass matrix.
+fn of_band(mesh: &Mesh, space: &FunctionSpace, both: [[&[f64]; 2]; 2], irradiance: &mut [f64]) {
     let Some(joined) = space.continuity() else { return };
-    let squares = |function: &MultiVector, weighted: &MultiVector| -> Vec<f64> {
-        let of = |cell: usize| [function, weighted].map(|x| &x.band(0)[space.range(cell)]);
+    let squares = |function: [&[f64]; 2]| -> Vec<f64> {
+        let of = |cell: usize| function.map(|x| &x[space.range(cell)]);
         cells(space).map(|cell| of(cell)[0].iter().zip(of(cell)[1]).map(|(f, w)| f * w).sum()).collect()
     };
-    let of_noise = squares(noise, &mass.times(noise));
-    let weighted = mass.times(change);
-    let pooled = pooled(space, joined, [&squares(change, &weighted), &of_noise]);
+    let [[change, weighted], _] = both;
+    let pooled = pooled(space, joined, &both.map(squares));
     let is_noise = |&cell: &usize| pooled[cell][1] > 0.0 && pooled[cell][0] <= MOST * pooled[cell][1];
     let noisy: Vec<usize> = (0..space.cells()).filter(is_noise).collect();
     let mut received: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
     for &cell in &noisy {
         let sums = received.entry(mesh.cells[cell].material).or_default();
-        let more: f64 = weighted.band(0)[space.range(cell)].iter().sum();
+        let more: f64 = weighted[space.range(cell)].iter().sum();
         *sums = [sums[0] + more, sums[1] + mesh.patch(cell).area()];
     }
     for cell in noisy {
         let [more, area] = received[&mesh.cells[cell].material];
         let places = irradiance[space.range(cell)].iter_mut();
-        let changes = &change.band(0)[space.range(cell)];
+        let changes = &change[space.range(cell)];
         places.zip(changes).for_each(|(place, change)| *place += change - more / area);
     }
 }
 
 /// Sums over each cell and those that it is joined with, each as often as it is.
-fn pooled(space: &FunctionSpace, joined: &Csr, of_cells: [&[f64]; 2]) -> Vec<[f64; 2]> {
+fn pooled(space: &FunctionSpace, joined: &Csr, of_cells: &[Vec<f64>; 2]) -> Vec<[f64; 2]> {
     let mut sums = vec![[0.0; 2]; space.dofs()];
-    for (cell, (a, b)) in of_cells[0].iter().zip(of_cells[1]).enumerate() {
+    for (cell, (a, b)) in of_cells[0].iter().zip(&of_cells[1]).enumerate() {
         for dof in space.range(cell) {
             joined.row(dof).for_each(|(unknown, _)| sums[unknown] = [sums[unknown][0] + a, sums[unknown][1] + b]);
         }

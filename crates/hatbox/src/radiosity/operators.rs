@@ -9,6 +9,9 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
 
+/// Rows of a piece of work: a multiple of what elements have, so that their blocks stay whole.
+const ROWS: usize = 3 << 12;
+
 /// C, Cᵀ and CᵀΔC; where nothing is joined, C is the identity.
 #[derive(Clone)]
 pub(super) struct Join {
@@ -95,6 +98,16 @@ impl Mass<'_> {
         match &self.join.matrices {
             Some([.., joined]) => joined.diagonal(),
             None => (0..self.mass.rows()).map(own).collect(),
+        }
+    }
+}
+
+impl Mass<'_> {
+    /// The products of rows from this one on with a column.
+    fn rows_times(&self, first: usize, x: &[f32], y: &mut [f64]) {
+        match &self.join.matrices {
+            Some([.., joined]) => (first..).zip(y).for_each(|(row, y)| *y = joined.row_times(row, x)),
+            None => self.mass.rows_times(0, first, x, y),
         }
     }
 }
@@ -224,14 +237,31 @@ pub(super) struct Transport<'a> {
 }
 
 impl Transport<'_> {
-    /// F̂ x from what arrives of x, of which the first band is this one of the equation's.
-    fn of(&self, first: usize, mut seen: MultiVector) -> MultiVector {
+    /// F̂ x from what arrives of x.
+    fn of(&self, mut seen: MultiVector) -> MultiVector {
         match self.reflection {
             Reflection::Joined(reflectance) => {
-                multiply(first, &mut seen, reflectance);
+                multiply(&mut seen, reflectance);
                 seen
             }
-            Reflection::Broken(blocks) => self.join.collect(Cow::Owned(blocks.times_from(first, seen))).into_owned(),
+            Reflection::Broken(blocks) => self.join.collect(Cow::Owned(blocks.times_owned(seen))).into_owned(),
+        }
+    }
+}
+
+impl Transport<'_> {
+    /// Rows of F̂ x of one band from this one on, from what arrives of x.
+    fn rows_times(&self, band: usize, first: usize, seen: &[f32], y: &mut [f64]) {
+        match (self.reflection, &self.join.matrices) {
+            (Reflection::Joined(reflectance), _) => {
+                let reflectance = &of_band(reflectance, band)[first..];
+                y.iter_mut().zip(reflectance).zip(&seen[first..]).for_each(|((y, r), &s)| *y = r * f64::from(s));
+            }
+            (Reflection::Broken(blocks), None) => blocks.rows_times(band, first, seen, y),
+            (Reflection::Broken(blocks), Some([_, transpose, _])) => {
+                let of = |(k, share)| share * blocks.row_times(band, k, seen);
+                (first..).zip(y).for_each(|(row, y)| *y = transpose.row(row).map(of).sum());
+            }
         }
     }
 }
@@ -244,7 +274,7 @@ impl LinearOperator for Transport<'_> {
         self.rows()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        *y = self.of(0, self.seen.times(x));
+        *y = self.of(self.seen.times(x));
     }
 }
 
@@ -264,16 +294,24 @@ impl<'a> Equation<'a> {
         Self { transport, mass, roots: mass.diagonal().into_iter().map(f64::sqrt).collect() }
     }
 
-    /// The operator on x, whose first band is this one of the equation's, from x and what arrives of it.
-    pub(super) fn of(&self, first: usize, x: MultiVector, seen: MultiVector) -> MultiVector {
-        let mut y = self.mass.times_owned(x);
-        y.add_scaled(-1.0, &self.transport.of(first, seen));
-        self.scaled(y)
+    /// The operator on x of one band, from x and what arrives of it.
+    pub(super) fn of_band(&self, band: usize, x: &[f32], seen: &[f32]) -> Vec<f32> {
+        let mut all = vec![0.0; self.rows()];
+        all.par_chunks_mut(ROWS).enumerate().for_each(|(part, some)| {
+            let first = part * ROWS;
+            let [mut own, mut reflected] = [(); 2].map(|()| vec![0.0; some.len()]);
+            self.mass.rows_times(first, x, &mut own);
+            self.transport.rows_times(band, first, seen, &mut reflected);
+            for (k, value) in some.iter_mut().enumerate() {
+                *value = ((own[k] - reflected[k]) / self.roots[first + k]) as f32;
+            }
+        });
+        all
     }
 
     /// The right side D^(−1/2) F̂ β from what arrives of the emission β.
     pub(super) fn first_bounce(&self, seen: MultiVector) -> MultiVector {
-        self.scaled(self.transport.of(0, seen))
+        self.scaled(self.transport.of(seen))
     }
 
     fn scaled(&self, mut y: MultiVector) -> MultiVector {
@@ -290,7 +328,9 @@ impl LinearOperator for Equation<'_> {
         self.mass.rows()
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        *y = self.of(0, x.clone(), self.transport.seen.times(x));
+        let mut rest = self.mass.times(x);
+        rest.add_scaled(-1.0, &self.transport.times(x));
+        *y = self.scaled(rest);
     }
 }
 
@@ -331,14 +371,14 @@ impl Symmetric<'_> {
     /// Cᵀ √R S x for broken coefficients x.
     pub(super) fn reflected(&self, x: &MultiVector) -> MultiVector {
         let mut y = self.exchange.times(x);
-        multiply(0, &mut y, self.root);
+        multiply(&mut y, self.root);
         self.mass.join.collect(Cow::Owned(y)).into_owned()
     }
 
     /// √R C c.
     pub(super) fn scaled(&self, c: &MultiVector) -> MultiVector {
         let mut x = self.mass.join.spread(Cow::Borrowed(c)).into_owned();
-        multiply(0, &mut x, self.root);
+        multiply(&mut x, self.root);
         x
     }
 }
@@ -363,10 +403,14 @@ fn for_rows(x: &mut MultiVector, numbers: &[f64], change: impl Fn(&mut f64, f64)
     }
 }
 
-/// Multiplies entry by entry, where the first band of x goes with this one; what has one band goes with any number of columns.
-fn multiply(first: usize, x: &mut MultiVector, by: &MultiVector) {
+/// Multiplies entry by entry.
+fn multiply(x: &mut MultiVector, by: &MultiVector) {
     for band in 0..x.bands() {
-        let factors = by.band((first + band).min(by.bands() - 1));
-        each(x.band_mut(band), factors, |x, b| *x *= b);
+        each(x.band_mut(band), of_band(by, band), |x, b| *x *= b);
     }
+}
+
+/// One band of numbers; what has one band goes with any number of columns.
+fn of_band(numbers: &MultiVector, band: usize) -> &[f64] {
+    numbers.band(band.min(numbers.bands() - 1))
 }

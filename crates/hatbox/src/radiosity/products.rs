@@ -33,8 +33,8 @@ const FAINT: f32 = 1e-30;
 /// A function of the joined space, and what arrives of it ([`Arriving`](super::operators::Arriving)).
 #[derive(Debug)]
 pub(super) struct Product {
-    x: Vec<f32>,
-    image: Vec<f32>,
+    pub(super) x: Vec<f32>,
+    pub(super) image: Vec<f32>,
 }
 
 impl Product {
@@ -55,18 +55,7 @@ impl Product {
 
     /// Whether single precision has room for the numbers.
     fn is_held(&self) -> bool {
-        [&self.x, &self.image].into_iter().all(|numbers| {
-            let most = numbers.iter().fold(0.0, |most: f32, x| most.max(x.abs()));
-            numbers.iter().all(|x| x.is_finite()) && (most == 0.0 || most >= FAINT)
-        })
-    }
-
-    /// The function and what arrives of it.
-    pub(super) fn both(&self) -> [MultiVector; 2] {
-        [&self.x, &self.image].map(|numbers| {
-            let numbers = numbers.par_iter().with_min_len(LEAST_NUMBERS).map(|&x| f64::from(x)).collect();
-            MultiVector::from_bands(1, numbers).unwrap_or_else(|| MultiVector::zeros(0, 1))
-        })
+        [&self.x, &self.image].into_iter().all(|numbers| are_held(numbers.iter().copied()))
     }
 
     /// Adds so many times these functions to `x`, and so many times what arrives of them to `image`.
@@ -133,6 +122,19 @@ impl Products {
 /// Numbers as they are kept.
 pub(super) fn round(x: &mut MultiVector) {
     x.as_mut_slice().par_iter_mut().with_min_len(LEAST_NUMBERS).for_each(|x| *x = f64::from(*x as f32));
+}
+
+/// Some bands as they are kept, or as they are if single precision has no room for them.
+pub(super) fn rounded(x: &MultiVector, bands: &[usize]) -> MultiVector {
+    let single = |&x: &f64| x as f32;
+    let held = bands.par_iter().all(|&band| are_held(x.band(band).iter().map(single)));
+    x.some(bands, |_, x| if held { f64::from(single(&x)) } else { x })
+}
+
+/// Whether single precision has room for these numbers.
+fn are_held(numbers: impl Iterator<Item = f32> + Clone) -> bool {
+    let most = numbers.clone().fold(0.0, |most: f32, x| most.max(x.abs()));
+    numbers.into_iter().all(f32::is_finite) && (most == 0.0 || most >= FAINT)
 }
 
 /// Adds so many times these numbers to `sum`, a piece after the other, so that it stays near.

@@ -13,7 +13,7 @@
 //! many more columns.
 
 use super::operators::Equation;
-use super::products::{Product, Products, round};
+use super::products::{Product, Products, round, rounded};
 use crate::linalg::{Columns, LinearOperator, MultiVector, dot};
 use crate::progress::Progress;
 use crate::solve::{Info, Params, SearchSpace, SolveError, gmres};
@@ -79,7 +79,7 @@ struct Space {
     products: Vec<Arc<Product>>,
     known: usize,
     /// What the equation makes of them.
-    made: Columns,
+    made: Columns<f32>,
     /// The best combination.
     best: Vec<f64>,
 }
@@ -91,8 +91,7 @@ impl Space {
 
     /// Takes a product in, of which these are the function and what arrives of it.
     fn take(&mut self, equation: &Equation<'_>, band: usize, product: &Arc<Product>) {
-        let [x, image] = product.both();
-        self.made.extend([equation.of(band, x, image).into_vec()]);
+        self.made.extend([equation.of_band(band, &product.x, &product.image)]);
         self.products.push(Arc::clone(product));
     }
 
@@ -280,18 +279,14 @@ fn arrived_of(
     if bands.is_empty() {
         return arrived;
     }
-    let mut ask = |x: &MultiVector| {
-        let image = seen.times(x);
-        if room.products > 0 {
-            keep(kept, &bands, &Product::of_bands(x, &image), room);
-        }
-        image
-    };
-    if bands.len() == emission.bands() {
-        drop(arrived);
-        return ask(emission);
+    let asked = rounded(emission, &bands);
+    let image = seen.times(&asked);
+    if room.products > 0 {
+        keep(kept, &bands, &Product::of_bands(&asked, &image), room);
     }
-    let image = ask(&emission.some(&bands, |_, x| x));
+    if bands.len() == emission.bands() {
+        return image;
+    }
     bands.iter().enumerate().for_each(|(k, &band)| arrived.band_mut(band).copy_from_slice(image.band(k)));
     arrived
 }

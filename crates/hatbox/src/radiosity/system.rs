@@ -28,7 +28,7 @@ const SOLVER_TOLERANCE: f64 = 1e-11;
 /// With an operator that is sampled, products are most of the time, and what it errs by is far more: the solver goes to this
 /// share of the operator's error, but no farther than the first of these numbers, and at least as far as the second.
 const SAMPLED_SOLVER_SHARE: f64 = 5e-2;
-const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-3];
+const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-2];
 /// The mass matrix of joined functions is inverted to these relative residuals: beside an exact operator, and beside a sampled
 /// one, whose noise is a million times that.
 const MASS_TOLERANCES: [f64; 2] = [1e-13, 1e-10];
@@ -36,6 +36,8 @@ const MASS_TOLERANCES: [f64; 2] = [1e-13, 1e-10];
 /// constant, is found to this in a few products, whatever the solver's tolerance (to 1e-2, quadratic functions missed it:
 /// `what_is_covered_sees_nothing_and_the_rest_of_the_room_is_closed`). And for what noise is averaged to.
 const ROUGH_MASS_TOLERANCE: f64 = 1e-4;
+/// Numbers of a function whose noise is looked at, at the most, unless one band has more.
+const NUMBERS_OF_NOISE: usize = 1 << 24;
 /// Bounces that Neumann's iteration may take at the most.
 const MOST_BOUNCES: usize = 100_000;
 /// Steps of Arnoldi's method for the norm of the operator: an exact one costs little to apply, a sampled one has its
@@ -354,18 +356,18 @@ impl System {
     fn without_noise(&self, mut solution: Solution, steady: Option<MultiVector>) -> Solution {
         let Some(steady) = steady.filter(|_| self.space.continuity().is_some()) else { return solution };
         let averaging = InverseMass { tolerance: ROUGH_MASS_TOLERANCE, ..self.inverse_mass() };
-        // One band at a time: of millions of cells each of these functions is large.
-        for band in 0..solution.bands() {
-            let Some(noise) = self.exchange.steady_noise(&solution.radiosity.one_band(band)) else { break };
-            let noise = self.mass_inverse.times(&noise);
-            let change = self.change_by(&averaging, &steady.one_band(band));
-            remove_noise(
-                &self.scene.mesh,
-                &self.space,
-                &self.mass,
-                [&change, &noise],
-                solution.irradiance.band_mut(band),
-            );
+        // As many bands at a time as are no large functions: of millions of cells it is one.
+        let rows = steady.rows().max(1);
+        let at_once = (NUMBERS_OF_NOISE / rows).clamp(1, steady.bands());
+        for (part, irradiance) in solution.irradiance.as_mut_slice().chunks_mut(rows * at_once).enumerate() {
+            let bands: Vec<usize> = (part * at_once..).take(irradiance.len() / rows).collect();
+            let [radiosity, steady] = [&solution.radiosity, &steady].map(|x| {
+                if bands.len() == x.bands() { Cow::Borrowed(x) } else { Cow::Owned(x.some(&bands, |_, x| x)) }
+            });
+            let Some(noise) = self.exchange.steady_noise(&radiosity) else { break };
+            let noise = self.mass_inverse.times_owned(noise);
+            let change = self.change_by(&averaging, &steady);
+            remove_noise(&self.scene.mesh, &self.space, &self.mass, [&change, &noise], irradiance);
         }
         solution
     }

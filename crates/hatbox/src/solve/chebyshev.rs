@@ -1,4 +1,4 @@
-use crate::linalg::{Csr, MultiVector};
+use crate::linalg::{Csr, MultiVector, Number};
 use rayon::prelude::*;
 
 /// Rows of a piece of work.
@@ -7,6 +7,10 @@ const ROWS: usize = 1 << 13;
 const LANES: usize = 4;
 /// More steps than this are not made.
 const MOST_STEPS: u32 = 100;
+/// Single precision is kept to where no more than this is asked for: half as much memory to read and to write.
+const SINGLE: f64 = 1e-5;
+/// Numbers between which single precision keeps all its digits, and their products with a few others do.
+const HELD: [f64; 2] = [1e-30, 1e30];
 
 /// A symmetric positive definite matrix A, and what is known of D⁻¹ A, D being its diagonal.
 #[derive(Debug, Clone, Copy)]
@@ -23,7 +27,7 @@ pub struct Scaled<'a> {
 /// `tolerance` of that of x = 0 in the norm of A. What `x` held before does not matter. It begins with b over the sums of
 /// the rows' absolute values, which is never worse than 0, and exact for constants where no number of A is negative.
 ///
-/// It has no inner products, so that a step is one pass over matrix and vectors, and it is linear in b: the way to invert
+/// It has no inner products, so that a step is one pass over matrix and vectors, and it is linear in b, but for rounding: the way to invert
 /// mass matrices, whose spectra are known (A. Wathen and T. Rees, "Chebyshev semi-iteration in preconditioning for problems
 /// including the mass matrix", ETNA 34, 2009). The error is not what it should be where eigenvalues lie outside the spectrum,
 /// and grows if some exceed the sum of its ends, or where it takes more than a hundred steps: [`cg()`](super::cg()) sees the true
@@ -33,39 +37,50 @@ pub struct Scaled<'a> {
 /// If the dimensions of the arguments do not match.
 pub fn chebyshev(a: &Scaled<'_>, rhs: &MultiVector, x: &mut MultiVector, tolerance: f64) {
     assert_eq!((x.rows(), x.bands()), (rhs.rows(), rhs.bands()), "vectors of the same size");
-    match rhs.bands() {
-        1 => by_lanes::<1>(a, rhs, x, tolerance),
-        _ => by_lanes::<LANES>(a, rhs, x, tolerance),
+    match (tolerance >= SINGLE && is_held(a, rhs), rhs.bands()) {
+        (true, 1) => by_lanes::<1, f32>(a, rhs, x, tolerance),
+        (true, _) => by_lanes::<LANES, f32>(a, rhs, x, tolerance),
+        (false, 1) => by_lanes::<1, f64>(a, rhs, x, tolerance),
+        (false, _) => by_lanes::<LANES, f64>(a, rhs, x, tolerance),
     }
 }
 
+/// Whether single precision has room for the greatest numbers of b and D⁻¹ b in each band.
+fn is_held(a: &Scaled<'_>, rhs: &MultiVector) -> bool {
+    rhs.iter_bands().all(|band| {
+        let both = band.par_iter().zip(a.inverse_diagonal).with_min_len(ROWS).map(|(b, d)| [b.abs(), (b * d).abs()]);
+        let most = both.reduce(|| [0.0; 2], |a, b| std::array::from_fn(|k| if a[k] > b[k] { a[k] } else { b[k] }));
+        most.iter().all(|&most| most == 0.0 || (HELD[0]..HELD[1]).contains(&most))
+    })
+}
+
 /// So many bands at a time.
-fn by_lanes<const L: usize>(a: &Scaled<'_>, rhs: &MultiVector, x: &mut MultiVector, tolerance: f64) {
+fn by_lanes<const L: usize, T: Number>(a: &Scaled<'_>, rhs: &MultiVector, x: &mut MultiVector, tolerance: f64) {
     let [least, greatest] = a.spectrum;
     let (middle, half) = (0.5 * (greatest + least), 0.5 * (greatest - least));
     for first in (0..rhs.bands()).step_by(L) {
         let of_row = |row: usize| {
             let of_lane = |lane| if first + lane < rhs.bands() { rhs.band(first + lane)[row] } else { 0.0 };
-            std::array::from_fn(of_lane)
+            std::array::from_fn(|lane| T::nearest(of_lane(lane)))
         };
-        let b: Vec<[f64; L]> = (0..rhs.rows()).into_par_iter().with_min_len(ROWS).map(of_row).collect();
-        let begun = |(row, b): (usize, &[f64; L])| {
+        let b: Vec<[T; L]> = (0..rhs.rows()).into_par_iter().with_min_len(ROWS).map(of_row).collect();
+        let begun = |(row, b): (usize, &[T; L])| {
             let sum: f64 = a.matrix.row(row).map(|(_, value)| value.abs()).sum();
-            b.map(|b| b / sum)
+            b.map(|b| T::nearest(b.into() / sum))
         };
-        let mut solution: Vec<[f64; L]> = b.par_iter().enumerate().with_min_len(ROWS).map(begun).collect();
-        let [mut step, mut next] = [(); 2].map(|()| vec![[0.0; L]; rhs.rows()]);
+        let mut solution: Vec<[T; L]> = b.par_iter().enumerate().with_min_len(ROWS).map(begun).collect();
+        let mut before: Vec<[T; L]> = solution.par_iter().copied().with_min_len(ROWS).collect();
         let (mut rho, mut shares) = (half / middle, [0.0, 1.0 / middle]);
         for _ in 0..steps(a.spectrum, tolerance) {
-            advance(a, shares, [&b, &solution], &mut step, &mut next);
-            std::mem::swap(&mut solution, &mut next);
-            let before = rho;
-            rho = half / (2.0 * middle - half * before);
-            shares = [rho * before, if half > 0.0 { 2.0 * rho / half } else { 0.0 }];
+            advance(a, shares, [&b, &solution], &mut before);
+            std::mem::swap(&mut solution, &mut before);
+            let last = rho;
+            rho = half / (2.0 * middle - half * last);
+            shares = [rho * last, if half > 0.0 { 2.0 * rho / half } else { 0.0 }];
         }
         for lane in 0..L.min(rhs.bands() - first) {
             let numbers = solution.par_iter().with_min_len(ROWS);
-            x.band_mut(first + lane).par_iter_mut().zip(numbers).for_each(|(x, numbers)| *x = numbers[lane]);
+            x.band_mut(first + lane).par_iter_mut().zip(numbers).for_each(|(x, numbers)| *x = numbers[lane].into());
         }
     }
 }
@@ -78,26 +93,23 @@ fn steps([least, greatest]: [f64; 2], tolerance: f64) -> u32 {
     if rate > 0.0 { steps.ceil().clamp(1.0, f64::from(MOST_STEPS)) as u32 } else { 1 }
 }
 
-/// d ← α d + β D⁻¹ (b − A x), next = x + d.
-fn advance<const L: usize>(
+/// x₊ = x + α (x − x₋) + β D⁻¹ (b − A x), in the place of x₋.
+fn advance<const L: usize, T: Number>(
     a: &Scaled<'_>,
     [again, along]: [f64; 2],
-    [b, x]: [&[[f64; L]]; 2],
-    step: &mut [[f64; L]],
-    next: &mut [[f64; L]],
+    [b, x]: [&[[T; L]]; 2],
+    before: &mut [[T; L]],
 ) {
-    let parts = step.par_chunks_mut(ROWS).zip(next.par_chunks_mut(ROWS));
-    parts.enumerate().for_each(|(part, (step, next))| {
-        for (place, (step, next)) in step.iter_mut().zip(next).enumerate() {
-            let row = part * ROWS + place;
-            let mut rest = b[row];
+    before.par_chunks_mut(ROWS).enumerate().for_each(|(part, before)| {
+        for (row, before) in (part * ROWS..).zip(before) {
+            let (mut rest, here) = (b[row].map(Into::into), x[row].map(Into::into));
             for (column, value) in a.matrix.row(row) {
-                rest.iter_mut().zip(&x[column]).for_each(|(rest, x)| *rest -= value * x);
+                rest.iter_mut().zip(x[column]).for_each(|(rest, x)| *rest -= value * x.into());
             }
             let weight = along * a.inverse_diagonal[row];
             for lane in 0..L {
-                step[lane] = again * step[lane] + weight * rest[lane];
-                next[lane] = x[row][lane] + step[lane];
+                let step = again * (here[lane] - before[lane].into()) + weight * rest[lane];
+                before[lane] = T::nearest(here[lane] + step);
             }
         }
     });

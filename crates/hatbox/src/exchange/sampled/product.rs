@@ -16,11 +16,11 @@
 use super::fit::{Matrix, Take, add_outer, factor_in_place, mean_mass, solve};
 use super::kept::{Ended, Hits, Lit, Run, WORD, set_bits};
 use super::rays::{Hit, Kinds, Points};
-use super::source::{Coefficients, Number, Source, lanes_for};
+use super::source::{Coefficients, Source, lanes_for};
 use super::sums::{Word, sum_of};
 use super::{CHUNK, Sampled, Table};
 use crate::element::MAX_DOFS;
-use crate::linalg::{Csr, LinearOperator, MultiVector};
+use crate::linalg::{Csr, LinearOperator, MultiVector, Number};
 use crate::mesh::Patch;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -122,15 +122,10 @@ impl Sampled {
 
     /// y = Cᵀ S C x but for links, with none of the vectors of broken coefficients that are written and read once otherwise.
     pub(super) fn apply_joined_by_rays(&self, c: &Csr, x: &MultiVector, y: &mut MultiVector) {
-        let value = |dof: usize, band: usize| {
-            let column = x.band(band);
-            c.row(dof).map(|(unknown, share)| share * column[unknown]).sum()
-        };
+        let value = |dof: usize, band: usize| c.row_times(dof, x.band(band));
         y.as_mut_slice().fill(0.0);
         self.rows_of(value, Take::All, y, |column, rows, result| {
-            for (dof, value) in rows.zip(result) {
-                c.row(dof).for_each(|(unknown, share)| column[unknown] += share * value);
-            }
+            rows.zip(result).for_each(|(dof, &value)| c.add_row(dof, value, column));
         });
     }
 

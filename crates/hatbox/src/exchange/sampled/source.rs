@@ -11,8 +11,8 @@ use super::cells::Cells;
 use super::lamps::Lamps;
 use super::rays::Hit;
 use super::spots::Spots;
+use crate::linalg::Number;
 use crate::visibility::{Pages, prefetch};
-use bytemuck::Pod;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,24 +23,6 @@ const REGISTER: usize = 4;
 const TURNED: usize = 64;
 /// Bytes of a line of the cache.
 const LINE: usize = 64;
-
-/// A number that coefficients may be.
-pub(super) trait Number: Pod + Send + Sync + Into<f64> {
-    /// The number nearest to this one.
-    fn nearest(value: f64) -> Self;
-}
-
-impl Number for f32 {
-    fn nearest(value: f64) -> Self {
-        value as Self
-    }
-}
-
-impl Number for f64 {
-    fn nearest(value: f64) -> Self {
-        value
-    }
-}
 
 /// Places for so many bands: whole registers, unless they are very few.
 pub(super) fn lanes_for(bands: usize) -> usize {

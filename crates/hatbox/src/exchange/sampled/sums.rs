@@ -9,9 +9,10 @@
 
 use super::kept::{Run, set_bits};
 use super::rays::{Hit, Kinds};
-use super::source::{Number, Source};
+use super::source::Source;
 use super::spots::Spots;
 use crate::element::MAX_DOFS;
+use crate::linalg::Number;
 
 /// So many rays before they are needed coefficients are asked for: a guess.
 const AHEAD: usize = 24;
