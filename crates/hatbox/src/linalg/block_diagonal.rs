@@ -259,7 +259,17 @@ impl BlockDiagonal {
 
     /// The rows of some blocks, from the part of x that they act on.
     fn apply_some<T: Number>(&self, band: usize, blocks: Range<usize>, x: &[T], y: &mut [f64]) {
-        let blocks = blocks.map(|block| self.of(band, block));
+        let of_band = &self.bands[band.min(self.bands.len() - 1)];
+        match &self.shared[..] {
+            // Nothing to look for.
+            [matrix] if of_band.own.is_empty() => {
+                self.apply_these(of_band.factors[blocks].iter().map(|&factor| (&matrix[..], factor)), x, y);
+            }
+            _ => self.apply_these(blocks.map(|block| self.of(band, block)), x, y),
+        }
+    }
+
+    fn apply_these<'a, T: Number>(&self, blocks: impl Iterator<Item = (&'a [f64], f64)>, x: &[T], y: &mut [f64]) {
         match self.size {
             Some(1) => apply_alike::<1, T>(blocks, x, y),
             Some(3) => apply_alike::<3, T>(blocks, x, y),

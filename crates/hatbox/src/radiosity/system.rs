@@ -28,7 +28,7 @@ const SOLVER_TOLERANCE: f64 = 1e-11;
 /// With an operator that is sampled, products are most of the time, and what it errs by is far more: the solver goes to this
 /// share of the operator's error, but no farther than the first of these numbers, and at least as far as the second.
 const SAMPLED_SOLVER_SHARE: f64 = 5e-2;
-const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-2];
+const SAMPLED_SOLVER_TOLERANCES: [f64; 2] = [1e-7, 1e-3];
 /// The mass matrix of joined functions is inverted to these relative residuals: beside an exact operator, and beside a sampled
 /// one, whose noise is a million times that.
 const MASS_TOLERANCES: [f64; 2] = [1e-13, 1e-10];
