@@ -8,11 +8,12 @@
 //! Tried and dropped: to ask each cell alone, and to allow three deviations. Halves differ most where the border of a shadow passes
 //! through a cell, and shadows of small lamps were blurred.
 
-use crate::linalg::{BlockDiagonal, Csr, LinearOperator, MultiVector};
+use crate::element::MAX_DOFS;
+use crate::linalg::{BlockDiagonal, Csr, MultiVector};
 use crate::mesh::Mesh;
 use crate::space::FunctionSpace;
+use arrayvec::ArrayVec;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 
 /// Averaging pays where the square of what it changes is at most so many times that of the noise.
 const MOST: f64 = 2.0;
@@ -28,32 +29,43 @@ pub(super) fn remove_noise(
     [change, noise]: [&MultiVector; 2],
     irradiance: &mut [f64],
 ) {
-    let weighted = [change, noise].map(|x| mass.times(x));
     irradiance.par_chunks_mut(change.rows().max(1)).enumerate().for_each(|(band, irradiance)| {
-        let both = [[change, &weighted[0]], [noise, &weighted[1]]].map(|pair| pair.map(|x| x.band(band)));
-        of_band(mesh, space, both, irradiance);
+        of_band(mesh, space, mass, [change, noise].map(|x| x.band(band)), irradiance);
     });
 }
 
-/// The same for one band, of change and noise each as it is and times the mass matrix.
-fn of_band(mesh: &Mesh, space: &FunctionSpace, both: [[&[f64]; 2]; 2], irradiance: &mut [f64]) {
+/// The same for one band.
+fn of_band(
+    mesh: &Mesh,
+    space: &FunctionSpace,
+    mass: &BlockDiagonal,
+    [change, noise]: [&[f64]; 2],
+    irradiance: &mut [f64],
+) {
     let Some(joined) = space.continuity() else { return };
-    let squares = |function: [&[f64]; 2]| -> Vec<f64> {
-        let of = |cell: usize| function.map(|x| &x[space.range(cell)]);
-        cells(space).map(|cell| of(cell)[0].iter().zip(of(cell)[1]).map(|(f, w)| f * w).sum()).collect()
+    // The integrals of a function against those of a cell.
+    let integrals = |function: &[f64], cell: usize| {
+        let mut integrals = space.range(cell).map(|_| 0.0).collect::<ArrayVec<f64, MAX_DOFS>>();
+        mass.rows_times(0, space.range(cell).start, function, &mut integrals);
+        integrals
     };
-    let [[change, weighted], _] = both;
-    let pooled = pooled(space, joined, &both.map(squares));
+    let squares = |function: &[f64]| -> Vec<f64> {
+        let square =
+            |cell| integrals(function, cell).iter().zip(&function[space.range(cell)]).map(|(i, f)| i * f).sum();
+        cells(space).map(square).collect()
+    };
+    let pooled = pooled(space, joined, &[change, noise].map(squares));
     let is_noise = |&cell: &usize| pooled[cell][1] > 0.0 && pooled[cell][0] <= MOST * pooled[cell][1];
+    let materials = mesh.cells.iter().map(|cell| cell.material as usize + 1).max().unwrap_or(0);
     let noisy: Vec<usize> = (0..space.cells()).filter(is_noise).collect();
-    let mut received: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
+    let mut received = vec![[0.0; 2]; materials];
     for &cell in &noisy {
-        let sums = received.entry(mesh.cells[cell].material).or_default();
-        let more: f64 = weighted[space.range(cell)].iter().sum();
+        let sums: &mut [f64; 2] = &mut received[mesh.cells[cell].material as usize];
+        let more: f64 = integrals(change, cell).iter().sum();
         *sums = [sums[0] + more, sums[1] + mesh.patch(cell).area()];
     }
     for cell in noisy {
-        let [more, area] = received[&mesh.cells[cell].material];
+        let [more, area] = received[mesh.cells[cell].material as usize];
         let places = irradiance[space.range(cell)].iter_mut();
         let changes = &change[space.range(cell)];
         places.zip(changes).for_each(|(place, change)| *place += change - more / area);

@@ -1,5 +1,6 @@
 //! The operators of the system, put together from mass, reflectance, exchange and continuity.
 
+use super::products::Product;
 use crate::exchange::Exchange;
 use crate::linalg::{BlockDiagonal, Csr, Diagonal, LinearOperator, MultiVector, each};
 use crate::progress::Silent;
@@ -9,8 +10,8 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Rows of a piece of work: a multiple of what elements have, so that their blocks stay whole.
-const ROWS: usize = 3 << 12;
+/// Rows of a piece of work, of which a near cache has room: a multiple of what elements have, so that their blocks stay whole.
+const ROWS: usize = 3 << 10;
 
 /// C, Cᵀ and CᵀΔC; where nothing is joined, C is the identity.
 #[derive(Clone)]
@@ -294,16 +295,22 @@ impl<'a> Equation<'a> {
         Self { transport, mass, roots: mass.diagonal().into_iter().map(f64::sqrt).collect() }
     }
 
-    /// The operator on x of one band, from x and what arrives of it.
-    pub(super) fn of_band(&self, band: usize, x: &[f32], seen: &[f32]) -> Vec<f32> {
-        let mut all = vec![0.0; self.rows()];
-        all.par_chunks_mut(ROWS).enumerate().for_each(|(part, some)| {
+    /// The operator on functions x of one band, from each and what arrives of it. Some rows of all of them at a time, so that
+    /// the matrix is read once.
+    pub(super) fn of_band(&self, band: usize, products: &[Arc<Product>]) -> Vec<Vec<f32>> {
+        let mut all = vec![vec![0.0; self.rows()]; products.len()];
+        let mut pieces: Vec<_> = all.iter_mut().map(|column| column.chunks_mut(ROWS)).collect();
+        let parts = (0..self.rows().div_ceil(ROWS)).map(|_| pieces.iter_mut().filter_map(Iterator::next).collect());
+        let parts: Vec<Vec<&mut [f32]>> = parts.collect();
+        parts.into_par_iter().enumerate().for_each(|(part, pieces)| {
             let first = part * ROWS;
-            let [mut own, mut reflected] = [(); 2].map(|()| vec![0.0; some.len()]);
-            self.mass.rows_times(first, x, &mut own);
-            self.transport.rows_times(band, first, seen, &mut reflected);
-            for (k, value) in some.iter_mut().enumerate() {
-                *value = ((own[k] - reflected[k]) / self.roots[first + k]) as f32;
+            for (piece, product) in pieces.into_iter().zip(products) {
+                let [mut own, mut reflected] = [(); 2].map(|()| vec![0.0; piece.len()]);
+                self.mass.rows_times(first, &product.x, &mut own);
+                self.transport.rows_times(band, first, &product.image, &mut reflected);
+                for (k, value) in piece.iter_mut().enumerate() {
+                    *value = ((own[k] - reflected[k]) / self.roots[first + k]) as f32;
+                }
             }
         });
         all

@@ -89,10 +89,10 @@ impl Space {
         Self { products: Vec::new(), known: 0, made: Columns::summed(&equation.roots), best: Vec::new() }
     }
 
-    /// Takes a product in, of which these are the function and what arrives of it.
-    fn take(&mut self, equation: &Equation<'_>, band: usize, product: &Arc<Product>) {
-        self.made.extend([equation.of_band(band, &product.x, &product.image)]);
-        self.products.push(Arc::clone(product));
+    /// Takes products in.
+    fn take(&mut self, equation: &Equation<'_>, band: usize, products: &[Arc<Product>]) {
+        self.made.extend(equation.of_band(band, products));
+        self.products.extend_from_slice(products);
     }
 
     /// Finds the best combination for a target, and what it leaves.
@@ -148,9 +148,9 @@ impl<'a> Search<'a> {
         let mut spaces = vec![Space::new(&equation); target.bands()];
         let columns = rest.as_mut_slice().par_chunks_mut(target.rows().max(1)).zip(&mut spaces);
         columns.enumerate().for_each(|(band, (rest, space))| {
-            let known = known.of_band(band).iter().take(most - FEWEST / 2);
-            known.for_each(|product| space.take(&equation, band, product));
-            space.known = space.products.len();
+            let known = known.of_band(band);
+            space.known = known.len().min(most - FEWEST / 2);
+            space.take(&equation, band, &known[..space.known]);
             space.fit(target.band(band), rest);
         });
         let (first_bounce, found) = (target.norms(), [emission, arrived]);
@@ -255,7 +255,7 @@ impl SearchSpace for Search<'_> {
         let columns = self.rest.as_mut_slice().par_chunks_mut(target.rows().max(1)).zip(&mut self.spaces).zip(new);
         columns.enumerate().for_each(|(band, ((rest, space), product))| {
             if let Some(product) = product {
-                space.take(equation, band, &product);
+                space.take(equation, band, &[product]);
                 space.fit(target.band(band), rest);
             }
         });
