@@ -198,10 +198,7 @@ impl BlockDiagonal {
 
     /// The numbers of one row, and the column of the first.
     pub fn row(&self, band: usize, row: usize) -> (usize, impl Iterator<Item = f64> + '_) {
-        let block = match self.size {
-            Some(size) => row / size,
-            None => self.offsets.partition_point(|&offset| offset as usize <= row) - 1,
-        };
+        let block = self.block_of(row);
         let rows = self.rows_of(block);
         let (matrix, factor) = self.of(band, block);
         let place = (row - rows.start) * rows.len();
@@ -216,12 +213,12 @@ impl BlockDiagonal {
 
     /// The products of rows from this one on with a column.
     pub(crate) fn rows_times<T: Number>(&self, band: usize, first: usize, x: &[T], y: &mut [f64]) {
-        match self.size {
-            Some(size) if first.is_multiple_of(size) && y.len().is_multiple_of(size) => {
-                let rows = first..first + y.len();
-                self.apply_some(band, first / size..rows.end / size, &x[rows], y);
-            }
-            _ => (first..).zip(y).for_each(|(row, y)| *y = self.row_times(band, row, x)),
+        let rows = first..first + y.len();
+        let blocks = self.block_of(rows.start)..self.block_of(rows.end);
+        if (self.offsets[blocks.start] as usize, self.offsets[blocks.end] as usize) == (rows.start, rows.end) {
+            self.apply_some(band, blocks, &x[rows], y);
+        } else {
+            rows.zip(y).for_each(|(row, y)| *y = self.row_times(band, row, x));
         }
     }
 
@@ -233,6 +230,14 @@ impl BlockDiagonal {
             let entry = move |(k, number): (usize, &f64)| (at(k).0 as u32, at(k).1 as u32, factor * number);
             matrix.iter().enumerate().map(entry)
         })
+    }
+
+    /// The block of a row; their number for the row after the last.
+    fn block_of(&self, row: usize) -> usize {
+        match self.size {
+            Some(size) => row / size,
+            None => self.offsets.partition_point(|&offset| offset as usize <= row) - 1,
+        }
     }
 
     /// The matrix of a block, row by row, and its factor.
@@ -461,6 +466,23 @@ mod tests {
                 }
             }
             assert_equal(&a.times_owned(x), &expected);
+        }
+    }
+
+    #[test]
+    fn multiples_of_one_matrix_are_applied_like_blocks_of_their_own() {
+        for size in 1..=4 {
+            let (offsets, factors) = ([0, size, 2 * size, 3 * size], [1.0, 0.5, -2.0]);
+            let matrix: Vec<f64> = (1..=size * size).map(|k| k as f64).collect();
+            let own = |_, k: usize| DiagonalBlock::Own(matrix.iter().map(|m| factors[k] * m).collect());
+            let own = BlockDiagonal::new(&offsets, 1, Vec::new(), own);
+            let multiple = |_, k: usize| DiagonalBlock::Multiple(0, factors[k]);
+            let multiples = BlockDiagonal::new(&offsets, 1, vec![matrix.clone()], multiple);
+            let x = some(3 * size);
+            assert_equal(&multiples.times(&x), &own.times(&x));
+            let mut middle = vec![0.0; size];
+            multiples.rows_times(0, size, x.band(0), &mut middle);
+            assert_eq!(middle, own.times(&x).band(0)[size..2 * size]);
         }
     }
 

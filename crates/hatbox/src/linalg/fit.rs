@@ -28,11 +28,12 @@ impl<T: Number> Columns<T> {
         Self { weights: Arc::clone(weights), all: Vec::new(), products: Vec::new(), sums: Vec::new() }
     }
 
-    /// Adds columns, all of one length.
-    pub(crate) fn extend(&mut self, new: impl IntoIterator<Item = Vec<T>>) {
+    /// Adds columns, all of one length, each with its weighted sum: of what is rounded that of the numbers that it was.
+    pub(crate) fn extend(&mut self, new: impl IntoIterator<Item = (Vec<T>, f64)>) {
         let before = self.all.len();
-        self.all.extend(new);
-        self.sums.extend(self.all[before..].iter().map(|column| super::dot(column, &self.weights)));
+        let (columns, sums): (Vec<_>, Vec<_>) = new.into_iter().unzip();
+        self.all.extend(columns);
+        self.sums.extend(sums);
         let all: Vec<&[T]> = self.all.iter().map(Vec::as_slice).collect();
         let products = products(&all[before..], &all);
         self.products.extend(products.into_iter().enumerate().map(|(k, mut row)| {
@@ -152,12 +153,28 @@ mod tests {
         column(0).into_iter().zip(column(1)).map(|(x, y)| a * x + b * y).collect()
     }
 
+    /// Columns that all count alike.
+    fn alike<T: Number>(all: impl IntoIterator<Item = Vec<T>>) -> Columns<T> {
+        let mut columns = Columns::summed(&vec![1.0; 50_000].into());
+        add(&mut columns, all);
+        columns
+    }
+
+    fn add<T: Number>(columns: &mut Columns<T>, all: impl IntoIterator<Item = Vec<T>>) {
+        let weights = Arc::clone(&columns.weights);
+        let with_sum = |column: Vec<T>| {
+            let sum = crate::linalg::dot(&column, &weights);
+            (column, sum)
+        };
+        columns.extend(all.into_iter().map(with_sum));
+    }
+
     fn norm(x: &[f64]) -> f64 {
         crate::linalg::dot(x, x).sqrt()
     }
 
     /// What the best combination leaves.
-    fn rest(columns: &Columns<f64>, target: &[f64]) -> Vec<f64> {
+    fn rest<T: Number>(columns: &Columns<T>, target: &[f64]) -> Vec<f64> {
         let mut rest = target.to_vec();
         columns.subtract(&columns.fit(target), &mut rest);
         rest
@@ -165,10 +182,12 @@ mod tests {
 
     #[test]
     fn a_combination_is_found_and_what_depends_on_others_does_no_harm() {
-        let mut columns = Columns::summed(&vec![1.0; 50_000].into());
-        columns.extend([column(0), sum(1.0, 1e-3)]);
-        columns.extend([column(1), vec![0.0; 50_000]]);
         let target = sum(2.0, -3.0);
+        let mut columns = alike([column(0), sum(1.0, 1e-3)]);
+        add(&mut columns, [column(1), vec![0.0; 50_000]]);
+        assert!(norm(&rest(&columns, &target)) < 1e-6 * norm(&target));
+        let single = |column: Vec<f64>| column.into_iter().map(|x| x as f32).collect::<Vec<f32>>();
+        let columns = alike([column(0), sum(1.0, 1e-3), column(1), vec![0.0; 50_000]].map(single));
         assert!(norm(&rest(&columns, &target)) < 1e-6 * norm(&target));
     }
 
@@ -177,7 +196,7 @@ mod tests {
         let weights: Arc<[f64]> = (0..50_000).map(|row| 1.0 + f64::from(row % 3)).collect();
         let mut columns = Columns::summed(&weights);
         let lifted = |number: usize| column(number).into_iter().map(|x| 1.0 + x).collect::<Vec<f64>>();
-        columns.extend([lifted(0), lifted(1), lifted(2)]);
+        add(&mut columns, [lifted(0), lifted(1), lifted(2)]);
         let target: Vec<f64> = lifted(1).iter().enumerate().map(|(row, x)| x + 0.01 * (row % 2) as f64).collect();
         let left = |y: &[f64]| {
             let mut rest = target.clone();
@@ -196,7 +215,7 @@ mod tests {
     #[test]
     fn a_dark_band_stays_dark() {
         let mut columns = Columns::summed(&vec![1.0; 9].into());
-        columns.extend([vec![0.0; 9], vec![0.0; 9]]);
+        add(&mut columns, [vec![0.0; 9], vec![0.0; 9]]);
         let mut y = columns.fit(&[0.0; 9]);
         columns.balance(&[0.0; 9], &mut y, 0.0);
         assert_eq!(y, [0.0; 2]);
@@ -204,8 +223,7 @@ mod tests {
 
     #[test]
     fn what_is_left_is_orthogonal_to_every_column() {
-        let mut columns = Columns::summed(&vec![1.0; 50_000].into());
-        columns.extend([column(0), column(1)]);
+        let columns = alike([column(0), column(1)]);
         let target: Vec<f64> = (0..50_000).map(|row| f64::from(row % 7)).collect();
         let rest = rest(&columns, &target);
         for (column, length) in [column(0), column(1)].iter().zip(columns.norms()) {
@@ -216,8 +234,7 @@ mod tests {
 
     #[test]
     fn what_is_ignored_has_no_part_in_it() {
-        let mut columns = Columns::summed(&vec![1.0; 50_000].into());
-        columns.extend([column(0), column(1)]);
+        let mut columns = alike([column(0), column(1)]);
         columns.ignore_first(1);
         let y = columns.fit(&sum(2.0, -3.0));
         assert!(y[0] == 0.0 && (y[1] + 3.0).abs() < 0.1, "{y:?}");

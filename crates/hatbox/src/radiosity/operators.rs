@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Rows of a piece of work, of which a near cache has room: a multiple of what elements have, so that their blocks stay whole.
+/// Rows of a piece of work, of which a near cache has room: a multiple of what most elements have, so that blocks stay whole where all are alike.
 const ROWS: usize = 3 << 10;
 
 /// C, Cᵀ and CᵀΔC; where nothing is joined, C is the identity.
@@ -87,9 +87,7 @@ impl Mass<'_> {
             None => self.mass,
         }
     }
-}
 
-impl Mass<'_> {
     /// ∫N² of each function.
     fn diagonal(&self) -> Vec<f64> {
         let own = |k: usize| {
@@ -101,9 +99,7 @@ impl Mass<'_> {
             None => (0..self.mass.rows()).map(own).collect(),
         }
     }
-}
 
-impl Mass<'_> {
     /// The products of rows from this one on with a column.
     fn rows_times(&self, first: usize, x: &[f32], y: &mut [f64]) {
         match &self.join.matrices {
@@ -248,9 +244,7 @@ impl Transport<'_> {
             Reflection::Broken(blocks) => self.join.collect(Cow::Owned(blocks.times_owned(seen))).into_owned(),
         }
     }
-}
 
-impl Transport<'_> {
     /// Rows of F̂ x of one band from this one on, from what arrives of x.
     fn rows_times(&self, band: usize, first: usize, seen: &[f32], y: &mut [f64]) {
         match (self.reflection, &self.join.matrices) {
@@ -295,25 +289,31 @@ impl<'a> Equation<'a> {
         Self { transport, mass, roots: mass.diagonal().into_iter().map(f64::sqrt).collect() }
     }
 
-    /// The operator on functions x of one band, from each and what arrives of it. Some rows of all of them at a time, so that
-    /// the matrix is read once.
-    pub(super) fn of_band(&self, band: usize, products: &[Arc<Product>]) -> Vec<Vec<f32>> {
+    /// The operator on functions x of one band, from each and what arrives of it, and the sum of its rows, each times its root of
+    /// D, before they are rounded. Some rows of all functions at a time, so that the matrix is read once.
+    pub(super) fn of_band(&self, band: usize, products: &[Arc<Product>]) -> Vec<(Vec<f32>, f64)> {
         let mut all = vec![vec![0.0; self.rows()]; products.len()];
         let mut pieces: Vec<_> = all.iter_mut().map(|column| column.chunks_mut(ROWS)).collect();
         let parts = (0..self.rows().div_ceil(ROWS)).map(|_| pieces.iter_mut().filter_map(Iterator::next).collect());
         let parts: Vec<Vec<&mut [f32]>> = parts.collect();
-        parts.into_par_iter().enumerate().for_each(|(part, pieces)| {
+        let of_piece = |(part, (piece, product)): (usize, (&mut [f32], &Arc<Product>))| {
             let first = part * ROWS;
-            for (piece, product) in pieces.into_iter().zip(products) {
-                let [mut own, mut reflected] = [(); 2].map(|()| vec![0.0; piece.len()]);
-                self.mass.rows_times(first, &product.x, &mut own);
-                self.transport.rows_times(band, first, &product.image, &mut reflected);
-                for (k, value) in piece.iter_mut().enumerate() {
-                    *value = ((own[k] - reflected[k]) / self.roots[first + k]) as f32;
-                }
+            let [mut own, mut reflected] = [(); 2].map(|()| vec![0.0; piece.len()]);
+            self.mass.rows_times(first, &product.x, &mut own);
+            self.transport.rows_times(band, first, &product.image, &mut reflected);
+            let rest = || own.iter().zip(&reflected).map(|(own, reflected)| own - reflected);
+            for ((value, rest), root) in piece.iter_mut().zip(rest()).zip(&self.roots[first..]) {
+                *value = (rest / root) as f32;
             }
-        });
-        all
+            rest().sum::<f64>()
+        };
+        let of_part = |(part, pieces): (usize, Vec<_>)| -> Vec<f64> {
+            pieces.into_iter().zip(products).map(|piece| of_piece((part, piece))).collect()
+        };
+        // In order, so that it is the same on any number of threads.
+        let sums: Vec<Vec<f64>> = parts.into_par_iter().enumerate().map(of_part).collect();
+        let sum = |k: usize| sums.iter().map(|of_part| of_part[k]).sum();
+        all.into_iter().enumerate().map(|(k, column)| (column, sum(k))).collect()
     }
 
     /// The right side D^(−1/2) F̂ β from what arrives of the emission β.

@@ -124,11 +124,11 @@ pub(super) fn round(x: &mut MultiVector) {
     x.as_mut_slice().par_iter_mut().with_min_len(LEAST_NUMBERS).for_each(|x| *x = f64::from(*x as f32));
 }
 
-/// Some bands as they are kept, or as they are if single precision has no room for them.
+/// Some bands as they are kept, each as it is if single precision has no room for it.
 pub(super) fn rounded(x: &MultiVector, bands: &[usize]) -> MultiVector {
     let single = |&x: &f64| x as f32;
-    let held = bands.par_iter().all(|&band| are_held(x.band(band).iter().map(single)));
-    x.some(bands, |_, x| if held { f64::from(single(&x)) } else { x })
+    let held: Vec<bool> = x.iter_bands().map(|x| are_held(x.iter().map(single))).collect();
+    x.some(bands, |band, x| if held[band] { f64::from(single(&x)) } else { x })
 }
 
 /// Whether single precision has room for these numbers.

@@ -3,7 +3,8 @@
 //! Products with a sampled S are all of the time, so none is wasted: what other lights and paints have asked for is where
 //! the search begins *and goes on*, what a new direction brings is all that it does not have yet, and what arrives of
 //! the solution is put together from what arrived of its parts, without a product to check it. Products are kept in single
-//! precision: directions are rounded before they are asked about, so that residuals are off by the rounding of images alone,
+//! precision, and so is what the equation makes of them: most of a search is waiting for memory. Emission and directions are rounded before
+//! they are asked about, so that residuals are off by the rounding of images and of what is made of them,
 //! and who wants more digits than that ([`FARTHEST`]) does not search. Where the tolerance leaves room for it, what is left of the
 //! equation is made to sum to nothing in the end, so that power balances.
 //!
@@ -56,7 +57,7 @@ pub(super) struct Room {
 /// The reflected light of an emission, and where it is sought.
 pub(super) struct Search<'a> {
     equation: Equation<'a>,
-    /// What is found so far and does not change any more, the emission first, and what arrives of it.
+    /// What is found so far and does not change any more, the emission first, and what arrives of it as it is kept.
     found: [MultiVector; 2],
     /// The norms of the light that is reflected once.
     first_bounce: Vec<f64>,
@@ -142,7 +143,7 @@ impl<'a> Search<'a> {
         let arrived = arrived_of(&equation, &emission, known, &mut kept, room);
         let target = equation.first_bounce(arrived.clone());
         // A function, what arrives of it, and what the equation makes of it.
-        let bytes = target.bands() * (arrived.rows() + 3 * target.rows()) * size_of::<f32>();
+        let bytes = target.bands() * (arrived.rows() + 2 * target.rows()) * size_of::<f32>();
         let most = (room.search / bytes.max(1)).clamp(FEWEST, restart.max(FEWEST));
         let mut rest = MultiVector::zeros(target.rows(), target.bands());
         let mut spaces = vec![Space::new(&equation); target.bands()];

@@ -36,7 +36,7 @@ const MASS_TOLERANCES: [f64; 2] = [1e-13, 1e-10];
 /// constant, is found to this in a few products, whatever the solver's tolerance (to 1e-2, quadratic functions missed it:
 /// `what_is_covered_sees_nothing_and_the_rest_of_the_room_is_closed`). And for what noise is averaged to.
 const ROUGH_MASS_TOLERANCE: f64 = 1e-4;
-/// Numbers of a function whose noise is looked at, at the most, unless one band has more.
+/// Numbers of the functions in which noise is looked for: of ten million cells each has more.
 const NUMBERS_OF_NOISE: usize = 1 << 24;
 /// Bounces that Neumann's iteration may take at the most.
 const MOST_BOUNCES: usize = 100_000;
@@ -352,13 +352,13 @@ impl System {
         (Solution { scene: self.scene.clone(), space: self.space.clone(), radiosity, irradiance }, steady)
     }
 
-    /// A solution whose irradiance is averaged also where what is steady in it is noise.
-    fn without_noise(&self, mut solution: Solution, steady: Option<MultiVector>) -> Solution {
+    /// A solution whose irradiance is averaged also where what is steady in it is noise. That is looked at in as many bands at a
+    /// time as have so many numbers.
+    fn without_noise(&self, mut solution: Solution, steady: Option<MultiVector>, numbers: usize) -> Solution {
         let Some(steady) = steady.filter(|_| self.space.continuity().is_some()) else { return solution };
         let averaging = InverseMass { tolerance: ROUGH_MASS_TOLERANCE, ..self.inverse_mass() };
-        // As many bands at a time as are no large functions: of millions of cells it is one.
         let rows = steady.rows().max(1);
-        let at_once = (NUMBERS_OF_NOISE / rows).clamp(1, steady.bands());
+        let at_once = (numbers / rows).min(steady.bands()).max(1);
         for (part, irradiance) in solution.irradiance.as_mut_slice().chunks_mut(rows * at_once).enumerate() {
             let bands: Vec<usize> = (part * at_once..).take(irradiance.len() / rows).collect();
             let [radiosity, steady] = [&solution.radiosity, &steady].map(|x| {

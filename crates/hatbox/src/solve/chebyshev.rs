@@ -1,16 +1,16 @@
-use super::residual;
 use crate::linalg::{Csr, MultiVector};
 use rayon::prelude::*;
-use std::borrow::Cow;
 
 /// Rows of a piece of work.
 const ROWS: usize = 1 << 13;
 /// Bands that stand side by side.
 const LANES: usize = 4;
-/// More steps than this are not made.
+/// More steps than this are not made at a time.
 const MOST_STEPS: u32 = 100;
-/// The error that single precision is asked for at a time, relative to what there was: some digits more than it has would do.
+/// The error that single precision is asked for at a time, relative to what there was: it has two digits more.
 const SINGLE: f64 = 1e-5;
+/// So many times: double precision has no more digits.
+const MOST_TIMES: u32 = 4;
 
 /// A symmetric positive definite matrix A, and what is known of D⁻¹ A, D being its diagonal.
 #[derive(Debug, Clone, Copy)]
@@ -32,67 +32,83 @@ pub struct Scaled<'a> {
 /// including the mass matrix", ETNA 34, 2009). Vectors are of single precision, which is half as much to read and to write; where
 /// more is asked for, what is left is solved for again (iterative refinement; N. Higham, "Accuracy and Stability of Numerical
 /// Algorithms", 2002, §12). The error is not what it should be where eigenvalues lie outside the spectrum,
-/// and grows if some exceed the sum of its ends, or where it takes more than a hundred steps: [`cg()`](super::cg()) sees the true
-/// residual, and goes on from there.
+/// and grows if some exceed the sum of its ends, or where five digits take more than a hundred steps: [`cg()`](super::cg()) sees the
+/// true residual, and goes on from there.
 ///
 /// # Panics
 /// If the dimensions of the arguments do not match.
 pub fn chebyshev(a: &Scaled<'_>, rhs: &MultiVector, x: &mut MultiVector, tolerance: f64) {
     assert_eq!((x.rows(), x.bands()), (rhs.rows(), rhs.bands()), "vectors of the same size");
-    let (mut asked, mut rest) = (tolerance, Cow::Borrowed(rhs));
-    x.as_mut_slice().fill(0.0);
-    loop {
+    for first in (0..rhs.bands()).step_by(LANES) {
         match rhs.bands() {
-            1 => add_by_lanes::<1>(a, &rest, x, asked.max(SINGLE)),
-            _ => add_by_lanes::<LANES>(a, &rest, x, asked.max(SINGLE)),
+            1 => by_lanes::<1>(a, rhs, x, first, tolerance),
+            _ => by_lanes::<LANES>(a, rhs, x, first, tolerance),
         }
-        if asked >= SINGLE {
-            break;
-        }
-        asked /= SINGLE;
-        rest = Cow::Owned(residual(a.matrix, rhs, x));
     }
 }
 
-/// Adds the solution, so many bands at a time.
-fn add_by_lanes<const L: usize>(a: &Scaled<'_>, rhs: &MultiVector, x: &mut MultiVector, tolerance: f64) {
+/// Bands from this one on.
+fn by_lanes<const L: usize>(a: &Scaled<'_>, rhs: &MultiVector, x: &mut MultiVector, first: usize, tolerance: f64) {
+    let bands = first..(first + L).min(rhs.bands());
+    bands.clone().for_each(|band| x.band_mut(band).fill(0.0));
+    let times = times(tolerance);
+    for time in 0..times {
+        let left = |row: usize| -> [f64; L] {
+            let mut left = [0.0; L];
+            for (left, band) in left.iter_mut().zip(bands.clone()) {
+                let known = if time > 0 { a.matrix.row_times(row, x.band(band)) } else { 0.0 };
+                *left = a.inverse_diagonal[row] * (rhs.band(band)[row] - known);
+            }
+            left
+        };
+        let (found, scales) = approximate(a, left, tolerance.powf(1.0 / f64::from(times)).max(SINGLE));
+        for ((lane, band), scale) in bands.clone().enumerate().zip(scales) {
+            let places = x.band_mut(band).par_iter_mut().zip(found.par_iter().with_min_len(ROWS));
+            places.for_each(|(x, found)| *x += scale * f64::from(found[lane]));
+        }
+    }
+}
+
+/// How often single precision is asked for its digits, to get to a tolerance.
+fn times(tolerance: f64) -> u32 {
+    // But for rounding.
+    let times = (tolerance.ln() / SINGLE.ln() - 1e-6).ceil();
+    (times as u32).clamp(1, MOST_TIMES)
+}
+
+/// Approximates the solution, given D⁻¹ b row by row: it is this times these numbers, one for each lane.
+fn approximate<const L: usize>(
+    a: &Scaled<'_>,
+    right: impl Fn(usize) -> [f64; L] + Sync,
+    tolerance: f64,
+) -> (Vec<[f32; L]>, [f64; L]) {
+    let rows = || (0..a.inverse_diagonal.len()).into_par_iter().with_min_len(ROWS);
+    // So that single precision has room for all, whatever their unit.
+    let greater = |a: [f64; L], b: [f64; L]| std::array::from_fn(|k| if a[k] > b[k] { a[k] } else { b[k] });
+    let scales = rows().map(|row| right(row).map(f64::abs)).reduce(|| [0.0; L], greater);
+    let scales = scales.map(|greatest| if greatest > 0.0 { greatest } else { 1.0 });
+    let scaled = |row: usize| {
+        let right = right(row);
+        std::array::from_fn(|lane| (right[lane] / scales[lane]) as f32)
+    };
+    let b: Vec<[f32; L]> = rows().map(scaled).collect();
+    let begun = |row: usize| {
+        let sum: f64 = a.matrix.row(row).map(|(_, value)| value.abs()).sum();
+        b[row].map(|b| (f64::from(b) / (sum * a.inverse_diagonal[row])) as f32)
+    };
+    let mut solution: Vec<[f32; L]> = rows().map(begun).collect();
+    let mut before: Vec<[f32; L]> = rows().map(|row| solution[row]).collect();
     let [least, greatest] = a.spectrum;
     let (middle, half) = (0.5 * (greatest + least), 0.5 * (greatest - least));
-    for first in (0..rhs.bands()).step_by(L) {
-        let bands: [Option<&[f64]>; L] =
-            std::array::from_fn(|lane| (first + lane < rhs.bands()).then(|| rhs.band(first + lane)));
-        let scales = bands.map(|band| band.map_or(1.0, |band| scale(a, band)));
-        let of_row =
-            |row| std::array::from_fn(|lane| bands[lane].map_or(0.0, |b: &[f64]| b[row] / scales[lane]) as f32);
-        let b: Vec<[f32; L]> = (0..rhs.rows()).into_par_iter().with_min_len(ROWS).map(of_row).collect();
-        let begun = |(row, b): (usize, &[f32; L])| {
-            let sum: f64 = a.matrix.row(row).map(|(_, value)| value.abs()).sum();
-            b.map(|b| (f64::from(b) / sum) as f32)
-        };
-        let mut solution: Vec<[f32; L]> = b.par_iter().enumerate().with_min_len(ROWS).map(begun).collect();
-        let mut before: Vec<[f32; L]> = solution.par_iter().copied().with_min_len(ROWS).collect();
-        let (mut rho, mut shares) = (half / middle, [0.0, 1.0 / middle]);
-        for _ in 0..steps(a.spectrum, tolerance) {
-            advance(a, shares, [&b, &solution], &mut before);
-            std::mem::swap(&mut solution, &mut before);
-            let last = rho;
-            rho = half / (2.0 * middle - half * last);
-            shares = [rho * last, if half > 0.0 { 2.0 * rho / half } else { 0.0 }];
-        }
-        for (lane, scale) in scales.into_iter().enumerate().take(rhs.bands() - first) {
-            let numbers = solution.par_iter().with_min_len(ROWS);
-            let places = x.band_mut(first + lane).par_iter_mut().zip(numbers);
-            places.for_each(|(x, numbers)| *x += scale * f64::from(numbers[lane]));
-        }
+    let (mut rho, mut shares) = (half / middle, [0.0, 1.0 / middle]);
+    for _ in 0..steps(a.spectrum, tolerance) {
+        advance(a, shares, [&b, &solution], &mut before);
+        std::mem::swap(&mut solution, &mut before);
+        let last = rho;
+        rho = half / (2.0 * middle - half * last);
+        shares = [rho * last, if half > 0.0 { 2.0 * rho / half } else { 0.0 }];
     }
-}
-
-/// What b is divided by, so that single precision has room for what it makes: the greatest number of D⁻¹ b.
-fn scale(a: &Scaled<'_>, b: &[f64]) -> f64 {
-    let greater = |a: f64, b: f64| if a > b { a } else { b };
-    let all = b.par_iter().zip(a.inverse_diagonal).with_min_len(ROWS).map(|(b, d)| (b * d).abs());
-    let most = all.reduce(|| 0.0, greater);
-    if most > 0.0 { most } else { 1.0 }
+    (solution, scales)
 }
 
 /// The least k with 2 qᵏ ≤ tolerance, q = (√κ − 1)/(√κ + 1).
@@ -103,7 +119,7 @@ fn steps([least, greatest]: [f64; 2], tolerance: f64) -> u32 {
     if rate > 0.0 { steps.ceil().clamp(1.0, f64::from(MOST_STEPS)) as u32 } else { 1 }
 }
 
-/// x₊ = x + α (x − x₋) + β D⁻¹ (b − A x), in the place of x₋.
+/// x₊ = x + α (x − x₋) + β (D⁻¹ b − D⁻¹ A x), in the place of x₋.
 fn advance<const L: usize>(
     a: &Scaled<'_>,
     [again, along]: [f64; 2],
@@ -112,15 +128,37 @@ fn advance<const L: usize>(
 ) {
     before.par_chunks_mut(ROWS).enumerate().for_each(|(part, before)| {
         for (row, before) in (part * ROWS..).zip(before) {
-            let [mut rest, here] = [b[row], x[row]].map(|numbers| numbers.map(f64::from));
+            let [b, here] = [b[row], x[row]].map(|numbers| numbers.map(f64::from));
+            let mut product = [0.0; L];
             for (column, value) in a.matrix.row(row) {
-                rest.iter_mut().zip(x[column]).for_each(|(rest, x)| *rest -= value * f64::from(x));
+                product.iter_mut().zip(x[column]).for_each(|(product, x)| *product += value * f64::from(x));
             }
-            let weight = along * a.inverse_diagonal[row];
             for lane in 0..L {
-                let step = again * (here[lane] - f64::from(before[lane])) + weight * rest[lane];
+                let rest = b[lane] - a.inverse_diagonal[row] * product[lane];
+                let step = again * (here[lane] - f64::from(before[lane])) + along * rest;
                 before[lane] = (here[lane] + step) as f32;
             }
         }
     });
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn digits_are_asked_for_as_often_as_it_takes_and_no_more_than_there_are() {
+        for (tolerance, times) in [
+            (1.0, 1),
+            (1e-4, 1),
+            (1e-5, 1),
+            (1e-6, 2),
+            (1e-10, 2),
+            (1e-13, 3),
+            (1e-30, 4),
+            (0.0, 4),
+            (-1.0, 1),
+            (f64::NAN, 1),
+        ] {
+            assert_eq!(super::times(tolerance), times, "{tolerance:e}");
+        }
+    }
 }

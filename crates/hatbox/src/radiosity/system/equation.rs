@@ -3,7 +3,7 @@
 use super::super::operators::{Arriving, Equation, InverseMass, Reflection, ScaledInverse, Symmetric, Transport};
 use super::super::products::Products;
 use super::super::search::{FARTHEST, Room, Search, reflected_exactly};
-use super::{ROUGH_MASS_TOLERANCE, Solution, System};
+use super::{NUMBERS_OF_NOISE, ROUGH_MASS_TOLERANCE, Solution, System};
 use crate::exchange::Exchange;
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::progress::Progress;
@@ -68,7 +68,7 @@ impl System {
         };
         let (solution, steady) =
             self.solution_of(self.join.spread(Cow::Owned(b)).into_owned(), arrived, self.collects());
-        Ok((self.without_noise(solution, steady), info, products))
+        Ok((self.without_noise(solution, steady, NUMBERS_OF_NOISE), info, products))
     }
 
     /// Bytes that products may take: half of what the operator does, if it has left as much.
@@ -118,5 +118,100 @@ impl System {
                 .for_each(|(r, &material)| *r = known[material as usize]);
         }
         Reflection::Joined(reflectance)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::Options;
+    use super::super::super::products::Product;
+    use super::*;
+    use crate::element::{ALL, Basis, Shape};
+    use crate::exchange;
+    use crate::linalg::dot;
+    use crate::mesh::{Cell, Mesh, Refinement};
+    use crate::progress::Silent;
+    use crate::scene::{Physics, Quantity, Scene, Site};
+    use glam::DVec3;
+
+    /// A floor below a lamp, in three bands, and a smaller square between.
+    fn squares(reflectance: Quantity) -> Scene {
+        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let square = |(size, z): (f64, f64)| corners.map(|[x, y]| DVec3::new(size * x, size * y, z));
+        let vertices = [(1.0, 0.0), (1.0, 1.0), (0.6, 0.4)].into_iter().flat_map(square).collect();
+        let cell = |vertices, surface| {
+            let material = u32::from(surface == 1);
+            Cell { shape: Shape::Quad, vertices, material, group: 0, surface }
+        };
+        let cells = vec![cell([0, 1, 2, 3], 0), cell([4, 7, 6, 5], 1), cell([8, 9, 10, 11], 2)];
+        let mesh = Mesh { vertices, cells, groups: vec![String::new()], ..Mesh::default() };
+        let floor = Material { reflectance, ..Material::diffuse("floor", 0.0) };
+        let lamp = Material { exitance: Quantity::Uniform(vec![1.0, 2.0, 3.0]), ..Material::diffuse("lamp", 0.2) };
+        Scene::new(mesh, vec![floor, lamp], Physics::Light, None).expect("valid")
+    }
+
+    fn system(basis: &'static Basis, reflectance: Quantity) -> System {
+        let options = Options {
+            basis,
+            operator: exchange::kind("sampled").expect("a kind"),
+            refinement: Refinement::Elements(9000),
+            tolerance: 0.1,
+            ..Options::default()
+        };
+        System::build(&squares(reflectance), &options, &Silent).expect("built")
+    }
+
+    /// All bands, two and one, one by one.
+    #[test]
+    fn noise_is_the_same_however_many_bands_are_looked_at() {
+        let system = system(&ALL[1], Quantity::gray(0.5));
+        let rows = system.space.broken_dofs();
+        let radiosity = system.projected_emission();
+        let arrived = system.exchange.times(&radiosity);
+        let (noisy, steady) = system.solution_of(radiosity, arrived, false);
+        let without = |numbers| system.without_noise(noisy.clone(), steady.clone(), numbers).irradiance;
+        let all = without(3 * rows);
+        assert_ne!(all, noisy.irradiance);
+        for few in [without(0), without(2 * rows)] {
+            let off = all.as_slice().iter().zip(few.as_slice()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(off < 1e-12, "{off:e}");
+        }
+    }
+
+    /// More rows than are worked on at a time, of each kind of mass and of reflection.
+    #[test]
+    fn what_a_search_makes_of_what_is_known_is_the_operator() {
+        let varying = |site: &Site, band: usize| 0.2 + 0.4 * site.position.x + 0.1 * band as f64;
+        for (basis, varies) in [(0, false), (0, true), (1, false), (1, true)] {
+            let reflectance =
+                if varies { Quantity::Function(Arc::new(varying)) } else { Quantity::Uniform(vec![0.3, 0.6, 0.4]) };
+            let system = system(&ALL[basis], reflectance);
+            assert_eq!(system.space.continuity().is_some(), basis == 1);
+            let (seen, reflection) = (system.arriving(), system.reflection());
+            let transport = Transport { join: &system.join, seen: &seen, reflection: &reflection };
+            let equation = Equation::new(system.joined_mass(), transport);
+            // What is rounded is so.
+            let x = |row: usize, band: usize| ((7 * row + 3 * band) % 11) as f64 - 5.0;
+            let x = MultiVector::from_fn(equation.cols(), 3, x);
+            let products = Product::of_bands(&x, &seen.times(&x));
+            assert!(equation.rows() > 4000, "{}", equation.rows());
+            for band in 0..3 {
+                // The functions of all bands, as if they were of this one.
+                let x = [0, 1, 2].map(|of: usize| MultiVector::from_fn(x.rows(), 3, |row, _| x.band(of)[row]));
+                let of_band = equation.of_band(band, &products);
+                assert_eq!(of_band.len(), 3);
+                for (x, (found, sum)) in x.iter().zip(of_band) {
+                    let made = equation.times(x);
+                    let made = made.band(band);
+                    let off: Vec<f64> = made.iter().zip(found).map(|(a, b)| a - f64::from(b)).collect();
+                    assert!(dot(&off, &off) < 1e-12 * dot(made, made), "{basis} {varies} {band}");
+                    let exact = dot(made, &equation.roots);
+                    assert!(
+                        (sum - exact).abs() < 1e-6 * dot(made, made).sqrt(),
+                        "{basis} {varies} {band}: {sum} {exact}"
+                    );
+                }
+            }
+        }
     }
 }
