@@ -127,7 +127,8 @@ fn joined<S: LinearOperator + ?Sized>(s: &S, [c, transpose]: [&Csr; 2], x: &Mult
 /// How an operator is to be built.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Params {
-    /// Relative error τ that the sum of a row may have.
+    /// Relative error τ that the sum of a row may have, if light comes from everywhere. On open ground, where most of a
+    /// row's rays escape, what little arrives errs by more of itself; [`statistics`](Exchange::statistics) tell how much.
     pub tolerance: f64,
     /// Whether every row must keep to it, however many shadows fall on it: pairs of rows whose errors add up to more are
     /// then integrated again. View factors are read row by row; in a solution errors of rows average out.

@@ -52,21 +52,31 @@ fn by_lanes<const L: usize>(a: &Scaled<'_>, rhs: &MultiVector, x: &mut MultiVect
     let bands = first..(first + L).min(rhs.bands());
     bands.clone().for_each(|band| x.band_mut(band).fill(0.0));
     let times = times(tolerance);
+    let each = tolerance.powf(1.0 / f64::from(times)).max(SINGLE);
+    let mut scales: Vec<f64> = bands.clone().map(|band| scale(a, rhs.band(band))).collect();
     for time in 0..times {
-        let left = |row: usize| -> [f64; L] {
+        let left = |row: usize| {
             let mut left = [0.0; L];
-            for (left, band) in left.iter_mut().zip(bands.clone()) {
+            for ((left, band), scale) in left.iter_mut().zip(bands.clone()).zip(&scales) {
                 let known = if time > 0 { a.matrix.row_times(row, x.band(band)) } else { 0.0 };
-                *left = a.inverse_diagonal[row] * (rhs.band(band)[row] - known);
+                *left = (a.inverse_diagonal[row] * (rhs.band(band)[row] - known) / scale) as f32;
             }
             left
         };
-        let (found, scales) = approximate(a, left, tolerance.powf(1.0 / f64::from(times)).max(SINGLE));
-        for ((lane, band), scale) in bands.clone().enumerate().zip(scales) {
+        let found = approximate(a, left, each);
+        for ((lane, band), scale) in bands.clone().enumerate().zip(&mut scales) {
             let places = x.band_mut(band).par_iter_mut().zip(found.par_iter().with_min_len(ROWS));
-            places.for_each(|(x, found)| *x += scale * f64::from(found[lane]));
+            places.for_each(|(x, found)| *x += *scale * f64::from(found[lane]));
+            *scale *= each;
         }
     }
+}
+
+/// What b is divided by, so that single precision has room for all, whatever their unit: the greatest number of D⁻¹ b.
+fn scale(a: &Scaled<'_>, b: &[f64]) -> f64 {
+    let numbers = b.par_iter().zip(a.inverse_diagonal).with_min_len(ROWS).map(|(b, d)| (b * d).abs());
+    let greatest = numbers.reduce(|| 0.0, |a, b| if a > b { a } else { b });
+    if greatest > 0.0 { greatest } else { 1.0 }
 }
 
 /// How often single precision is asked for its digits, to get to a tolerance.
@@ -76,22 +86,14 @@ fn times(tolerance: f64) -> u32 {
     (times as u32).clamp(1, MOST_TIMES)
 }
 
-/// Approximates the solution, given D⁻¹ b row by row: it is this times these numbers, one for each lane.
+/// Approximates the solution, given D⁻¹ b row by row.
 fn approximate<const L: usize>(
     a: &Scaled<'_>,
-    right: impl Fn(usize) -> [f64; L] + Sync,
+    right: impl Fn(usize) -> [f32; L] + Sync + Send,
     tolerance: f64,
-) -> (Vec<[f32; L]>, [f64; L]) {
+) -> Vec<[f32; L]> {
     let rows = || (0..a.inverse_diagonal.len()).into_par_iter().with_min_len(ROWS);
-    // So that single precision has room for all, whatever their unit.
-    let greater = |a: [f64; L], b: [f64; L]| std::array::from_fn(|k| if a[k] > b[k] { a[k] } else { b[k] });
-    let scales = rows().map(|row| right(row).map(f64::abs)).reduce(|| [0.0; L], greater);
-    let scales = scales.map(|greatest| if greatest > 0.0 { greatest } else { 1.0 });
-    let scaled = |row: usize| {
-        let right = right(row);
-        std::array::from_fn(|lane| (right[lane] / scales[lane]) as f32)
-    };
-    let b: Vec<[f32; L]> = rows().map(scaled).collect();
+    let b: Vec<[f32; L]> = rows().map(right).collect();
     let begun = |row: usize| {
         let sum: f64 = a.matrix.row(row).map(|(_, value)| value.abs()).sum();
         b[row].map(|b| (f64::from(b) / (sum * a.inverse_diagonal[row])) as f32)
@@ -108,7 +110,7 @@ fn approximate<const L: usize>(
         rho = half / (2.0 * middle - half * last);
         shares = [rho * last, if half > 0.0 { 2.0 * rho / half } else { 0.0 }];
     }
-    (solution, scales)
+    solution
 }
 
 /// The least k with 2 qᵏ ≤ tolerance, q = (√κ − 1)/(√κ + 1).
