@@ -199,6 +199,14 @@ mod tests {
     }
 
     #[test]
+    fn each_band_is_rounded_for_itself() {
+        let x = MultiVector::from_bands(3, vec![0.1, 0.2, 1e-40, 2e-40, 0.3, 0.4]).expect("three bands");
+        let [a, b, c, d] = [0.1_f32, 0.2, 0.3, 0.4].map(f64::from);
+        assert_eq!(rounded(&x, &[0, 1, 2]).as_slice(), [a, b, 1e-40, 2e-40, c, d]);
+        assert_eq!(rounded(&x, &[1, 2]).as_slice(), [1e-40, 2e-40, c, d]);
+    }
+
+    #[test]
     fn products_take_no_more_bytes_than_they_may() {
         let product = Arc::new(Product::new(&[1.0; 3], &[1.0; 3]));
         let some = |counts: [usize; 2]| {

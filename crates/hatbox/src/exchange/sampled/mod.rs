@@ -23,8 +23,7 @@
 //! happened. So the equation is solved for as one that is not symmetric.
 //!
 //! On open ground most rays end in the sky. To cast them only below each cell's horizon, of which a few sectors had proven bounds,
-//! was tried and dropped: it took a third of the error away and made the operator take several times as long to build, which as
-//! many more rays would use better.
+//! was tried and dropped: rays of the time that it takes to find horizons take more of the error away.
 //!
 //! Rays are stored cell by cell while they fit into the memory that is allowed, and those of the other cells are cast
 //! again whenever the operator is applied.
