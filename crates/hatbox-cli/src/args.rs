@@ -100,8 +100,8 @@ pub(crate) struct SolveArgs {
     pub(crate) operator: String,
     /// Most memory that the exchange operator may store, such as 4G or 500M
     ///
-    /// What does not fit is computed again when it is needed, where the operator can do that (`sampled`), or refused
-    /// (`dense`). Scene and solution come on top.
+    /// What does not fit is computed again when it is needed, where the operator can do that (`sampled`; but for the light of
+    /// lamps), or refused (`dense`). Scene and solution come on top.
     #[arg(long, value_name = "BYTES", default_value = options::MEMORY, value_parser = options::size)]
     pub(crate) memory: u64,
     /// Keep finished work in FILE, and go on from there if it exists: after a crash, an interrupt or a kill

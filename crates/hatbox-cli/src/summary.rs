@@ -147,6 +147,12 @@ fn operator(lines: &mut Lines, report: &Report) {
             operator.norm
         ),
     );
+    if operator.recast > 0.0 {
+        let share = percent(operator.recast);
+        lines.more(&format!(
+            "memory does not hold the rays of {share} of the elements: they are cast again for each product"
+        ));
+    }
     if let Some(reason) = &operator.reason {
         lines.more(&format!("chosen because {reason}"));
     }

@@ -90,7 +90,7 @@ fn solve_reports_in_json_and_writes_every_format() {
         command.arg("-o").arg(folder.path(&format!("out.{}", output.extension)));
     }
     let report = json(&mut command);
-    let keys = "/elements /dofs /basis /continuity /bands /operator/kind /operator/bytes /operator/rays \
+    let keys = "/elements /dofs /basis /continuity /bands /operator/kind /operator/bytes /operator/recast /operator/rays \
                 /operator/pairs /operator/seconds /operator/quadrature_error /operator/visibility_error \
                 /solver/kind /solver/iterations /solver/residual /solver/seconds /energy/emitted /energy/leaving \
                 /energy/absorbed /energy/escaped /energy/defect /closure/escape /closure/deficit /closure/balanced \
@@ -115,7 +115,9 @@ fn solve_tells_people_what_it_did() {
     }
     assert!(!summary.contains("escaped"), "the cube is closed:\n{summary}");
     let rays = text(&succeed(solve_cube().args(["--operator", "sampled"])).stdout);
-    assert!(rays.contains("row sums were exact"), "{rays}");
+    assert!(rays.contains("row sums were exact") && !rays.contains("cast again"), "{rays}");
+    let recast = text(&succeed(solve_cube().args(["--operator", "sampled", "--memory", "1K"])).stdout);
+    assert!(recast.contains("does not hold the rays of 100 % of the elements: they are cast again"), "{recast}");
     assert!(!summary.contains('\x1b'), "no colours in a pipe");
     assert!(output.stderr.is_empty(), "{}", text(&output.stderr));
     assert!(succeed(solve_cube().arg("--quiet")).stdout.is_empty());

@@ -104,6 +104,8 @@ pub struct OperatorReport {
     pub norm: f64,
     /// Memory of its coefficients.
     pub bytes: usize,
+    /// The fraction of the elements whose rays are cast again whenever it is applied, since memory does not hold them.
+    pub recast: f64,
     /// Rays cast.
     pub rays: u64,
     /// Pairs of elements that exchange light.
@@ -348,6 +350,7 @@ fn operator(solved: &Solved) -> OperatorReport {
         reason: solved.operator_reason.clone(),
         norm: solved.operator_norm,
         bytes: statistics.bytes,
+        recast: statistics.recast,
         rays: statistics.rays,
         pairs: statistics.pairs,
         clear_pairs: statistics.clear_pairs,

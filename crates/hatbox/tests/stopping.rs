@@ -1,15 +1,17 @@
-//! How far the equations of sampled operators are solved: in the norm of L2, and where the error is asked of.
+//! Where work with sampled operators ends: how far the equations are solved, in the norm of L2 and where the error is asked of, and
+//! how soon an interrupt is noticed.
 
 #[expect(dead_code, reason = "not every test needs every mesh")]
 mod meshes;
 
 use glam::DVec3;
-use hatbox::exchange;
+use hatbox::exchange::{self, ExchangeError};
 use hatbox::mesh::{Mesh, Refinement};
-use hatbox::progress::Silent;
-use hatbox::radiosity::{Options, Solution, System};
+use hatbox::progress::{Progress, Silent};
+use hatbox::radiosity::{Error, Options, Solution, System};
 use hatbox::scene::{Material, Physics, Quantity, Scene};
 use hatbox::solve::Params;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Small cells of each plate along an edge.
 const PIECES: usize = 24;
@@ -72,4 +74,23 @@ fn what_lies_beside_a_wide_ground_is_solved_for() {
     let (focused, _) = system.solved_within(&options(), 0.0, |_, _| Ok(Some(plates)), &Silent).expect("solved");
     let error = difference(&system, &focused.solution, &exact);
     assert!(error < 2.0 * usual.tolerance, "in focus {error}");
+}
+
+/// Interrupts when it is asked for the hundredth time.
+#[derive(Default)]
+struct Impatient(AtomicUsize);
+
+impl Progress for Impatient {
+    fn interrupted(&self) -> bool {
+        self.0.fetch_add(1, Ordering::Relaxed) >= 100
+    }
+}
+
+/// Only every 256th cell asked, which was every tenth second where a cell has 65 536 rays.
+#[test]
+fn every_cell_notices_an_interrupt() {
+    assert!(street().mesh.cells.len() > 1000);
+    let options = Options { tolerance: 0.3, ..options() };
+    let result = System::build(&street(), &options, &Impatient::default());
+    assert!(matches!(result, Err(Error::Exchange(ExchangeError::Interrupted(_)))), "{:?}", result.err());
 }

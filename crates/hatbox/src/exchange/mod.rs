@@ -40,6 +40,8 @@ use std::sync::{Arc, OnceLock};
 pub struct Statistics {
     /// Bytes that its coefficients take.
     pub bytes: usize,
+    /// The fraction of the elements whose rays are cast again whenever it is applied, since they are not stored.
+    pub recast: f64,
     /// Visibility rays cast.
     pub rays: u64,
     /// Pairs of elements that exchange something.
@@ -140,7 +142,8 @@ pub struct Params {
     pub max_rays: u32,
     /// Seed of all sampling.
     pub seed: u64,
-    /// Most bytes that the operator may store. An operator that can do with less does; one that cannot is not built.
+    /// Most bytes that the operator may store. An operator that can do with less does, the dense one is not built. The light of
+    /// lamps, links and what rays need of the elements are stored whatever is allowed.
     pub memory: usize,
 }
 

@@ -124,6 +124,7 @@ impl Sums {
         let of = |errors: &[f64], place: usize| errors.get(place).copied().unwrap_or(0.0);
         Statistics {
             bytes,
+            recast: 0.0,
             rays: self.rays,
             pairs: self.pairs,
             clear_pairs: self.clear_pairs,

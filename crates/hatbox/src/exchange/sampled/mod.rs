@@ -26,7 +26,8 @@
 //! was tried and dropped: rays of the time that it takes to find horizons take more of the error away.
 //!
 //! Rays are stored cell by cell while they fit into the memory that is allowed, and those of the other cells are cast
-//! again whenever the operator is applied.
+//! again whenever the operator is applied. What all of them take, and what lamps leave them, is known in the end; it is guessed
+//! before by some cells where it matters, and the last of the rays are forgotten if it was too little.
 
 mod cells;
 mod fit;
@@ -51,14 +52,18 @@ pub(super) use cells::Cells;
 use cells::Locator;
 use fit::{Matrix, Take, add_outer, factor, mean_mass, solve, variance};
 use kept::{Expected, Hits, Received, Traced};
-use lamps::{Lamps, Receivers};
+use lamps::{Entry, Lamps, Receivers};
 use rayon::prelude::*;
 use rays::{Hit, Points, Tracer};
 use spots::Spots;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Cells per piece of work.
 const CHUNK: usize = 256;
+/// Rays by which it is guessed what all take, and the least of cells.
+const GUESSED_BY: usize = 1 << 18;
+const LEAST_GUESSED_BY: usize = 64;
 /// Fewest and most rays of a cell.
 const RAYS: [u32; 2] = [8, 1 << 16];
 /// What is joined across cells errs by about this times K^(−2/3) of the light that rays bring: nets converge faster than
@@ -175,33 +180,32 @@ impl Sampled {
                 tables.push(Table::new(cells.element(cell), rays, seed));
             }
         }
-        let chunks = cells.len().div_ceil(CHUNK);
-        let of_chunk = CHUNK * Hits::most_bytes(rays);
-        let left = params.memory.saturating_sub(links.as_ref().map_or(0, Links::bytes));
-        let keep = (left / of_chunk).min(chunks);
         let statistics = Statistics::default();
         let (stored, direct) = (Vec::new(), Vec::new());
         let mut sampled =
             Self { cells, tracer, lamps, links, linked, tables, rays, stored, direct, escape: 0.0, statistics };
-        sampled.cast(chunks, keep, progress)?;
+        sampled.cast(params.memory, progress)?;
+        sampled.keep_within(params.memory);
+        sampled.statistics.visibility_error = sampled.measured_error();
         Ok(sampled)
     }
 
-    fn cast(&mut self, chunks: usize, keep: usize, progress: &dyn Progress) -> Result<(), Interrupted> {
+    /// Casts all rays, and stores as many as so many bytes are thought to have room for.
+    fn cast(&mut self, memory: usize, progress: &dyn Progress) -> Result<(), Interrupted> {
         progress.begin("casting rays", self.cells.len() as u64);
+        let chunks = self.cells.len().div_ceil(CHUNK);
+        let keep = self.chunks_within(memory.saturating_sub(self.bytes_of_cells()), progress)?.min(chunks);
         let trace = |chunk: usize| {
-            if progress.interrupted() {
-                return Err(Interrupted);
-            }
             let expected = self.expected(chunk, keep);
             let known = progress.recall(chunk as u64).and_then(|bytes| Traced::from_bytes(&bytes, &expected));
-            let traced = known.unwrap_or_else(|| {
-                let traced = self.trace(chunk, chunk < keep);
+            let trace = || {
+                let traced = self.trace(self.chunk(chunk), chunk < keep, progress)?;
                 if progress.keeps() {
                     progress.keep(chunk as u64, &traced.to_bytes());
                 }
-                traced
-            });
+                Ok(traced)
+            };
+            let traced = known.map_or_else(trace, Ok)?;
             progress.advance(self.chunk(chunk).len() as u64);
             Ok(traced)
         };
@@ -216,18 +220,50 @@ impl Sampled {
             }
             self.direct.push(traced.received);
         }
-        let stored: usize = self.stored.iter().map(Hits::bytes).sum();
-        let direct: usize = self.direct.iter().map(Received::bytes).sum();
-        let links = self.links.as_ref().map_or(0, |links| links.bytes() + size_of_val(&*self.linked));
-        self.statistics.bytes = stored + direct + links + self.cells.bytes() + self.tracer.bytes();
         self.statistics.pairs = self.links.as_ref().map_or(0, Links::len) as u64;
         self.statistics.clear_pairs = self.statistics.pairs;
         self.statistics.quadrature_error = self.links.as_ref().map_or(0.0, Links::error);
-        self.statistics.visibility_error = self.measured_error();
         Ok(())
     }
 
-    fn chunk(&self, chunk: usize) -> std::ops::Range<usize> {
+    /// Forgets the last of the rays until all that is stored takes no more than so many bytes.
+    fn keep_within(&mut self, memory: usize) {
+        let stored: usize = self.stored.iter().map(Hits::bytes).sum();
+        let direct: usize = self.direct.iter().map(Received::bytes).sum();
+        self.statistics.bytes = stored + direct + self.bytes_of_cells();
+        while self.statistics.bytes > memory
+            && let Some(last) = self.stored.pop()
+        {
+            self.statistics.bytes -= last.bytes();
+        }
+        let kept = self.cells.len().min(self.stored.len() * CHUNK);
+        self.statistics.recast = 1.0 - kept as f64 / self.cells.len().max(1) as f64;
+    }
+
+    /// What is stored of the cells, and of links.
+    fn bytes_of_cells(&self) -> usize {
+        let links = self.links.as_ref().map_or(0, |links| links.bytes() + size_of_val(&*self.linked));
+        links + self.cells.bytes() + self.tracer.bytes()
+    }
+
+    /// Chunks whose rays so many bytes are thought to have room for beside what all cells get from lamps.
+    fn chunks_within(&self, bytes: usize, progress: &dyn Progress) -> Result<usize, Interrupted> {
+        let (cells, most) = (self.cells.len(), Hits::most_bytes(self.rays));
+        if 2 * cells * most <= bytes {
+            return Ok(usize::MAX);
+        }
+        let some = (GUESSED_BY / self.rays as usize).max(LEAST_GUESSED_BY).min(cells);
+        let of_cell = |k: usize| {
+            let cell = k * cells / some;
+            let traced = self.trace(cell..cell + 1, true, progress)?;
+            Ok([traced.hits.bytes(), traced.received.bytes()])
+        };
+        let sum = |a: [usize; 2], b: [usize; 2]| Ok([a[0] + b[0], a[1] + b[1]]);
+        let [hits, lamps] = (0..some).into_par_iter().map(of_cell).try_reduce(|| [0; 2], sum)?;
+        Ok(bytes.saturating_sub(lamps * cells / some) / (CHUNK * hits / some).max(1))
+    }
+
+    fn chunk(&self, chunk: usize) -> Range<usize> {
         chunk * CHUNK..((chunk + 1) * CHUNK).min(self.cells.len())
     }
 
@@ -292,13 +328,15 @@ impl Sampled {
         if norm > 0.0 { (square(&first) / norm).sqrt() } else { 0.0 }
     }
 
-    fn trace(&self, chunk: usize, keep: bool) -> Traced {
+    fn trace(&self, cells: Range<usize>, keep: bool, progress: &dyn Progress) -> Result<Traced, Interrupted> {
         let k = self.rays as usize;
         let (mut kept, mut hits) = (Hits::new(self.rays), vec![Hit::LOST; k]);
         let mut received = Received::new(self.width());
         let (mut rays, mut area, mut lost) = (0, 0.0, 0.0);
-        let budget = (self.rays / LAMP_SHARE).max(LEAST_LAMP_RAYS);
-        for cell in self.chunk(chunk) {
+        for cell in cells {
+            if progress.interrupted() {
+                return Err(Interrupted);
+            }
             let table = self.table(cell);
             self.tracer.trace(&self.cells, cell, &table.points, self.linked_with(cell), &mut hits);
             let cell_area = self.cells.area(cell);
@@ -309,17 +347,22 @@ impl Sampled {
             if keep {
                 kept.push(&hits);
             }
-            let (found, cast) = if self.tracer.is_covered(cell) {
-                (Vec::new(), 0)
-            } else {
-                self.lamps.at_cell(&self.cells, cell, &table.receivers, budget, &self.tracer)
-            };
+            let (found, cast) = self.lit(cell);
             received.push(&found);
             rays += u64::from(self.rays) + cast;
         }
         received.shrink();
         kept.shrink();
-        Traced { hits: kept, received, rays, area, lost }
+        Ok(Traced { hits: kept, received, rays, area, lost })
+    }
+
+    /// What a cell gets from lamps, and the number of rays that were cast.
+    fn lit(&self, cell: usize) -> (Vec<Entry>, u64) {
+        if self.tracer.is_covered(cell) {
+            return (Vec::new(), 0);
+        }
+        let budget = (self.rays / LAMP_SHARE).max(LEAST_LAMP_RAYS);
+        self.lamps.at_cell(&self.cells, cell, &self.table(cell).receivers, budget, &self.tracer)
     }
 
     /// The value of one band where a ray ended.
