@@ -23,7 +23,9 @@
 //! happened. So the equation is solved for as one that is not symmetric.
 //!
 //! On open ground most rays end in the sky. To cast them only below each cell's horizon, of which a few sectors had proven bounds,
-//! was tried and dropped: rays of the time that it takes to find horizons take more of the error away.
+//! was tried and dropped: rays of the time that it takes to find horizons take more of the error away. To have more of them leave
+//! near the horizon, at all cells alike, and count less, was as good as nothing: how many meet something falls slowly with the
+//! height, and more for one cell than for another.
 //!
 //! Rays are stored cell by cell while they fit into the memory that is allowed, and those of the other cells are cast
 //! again whenever the operator is applied. What all of them take, and what lamps leave them, is known in the end; it is guessed
