@@ -12,7 +12,6 @@ use crate::output;
 use clap::CommandFactory;
 use clap::error::ErrorKind;
 use serde::Serialize;
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -53,9 +52,9 @@ impl Talk {
         }
     }
 
-    /// Whether progress is drawn.
+    /// Whether standard error tells where work is.
     fn shows_progress(self) -> bool {
-        self == Self::Summary && std::io::stderr().is_terminal()
+        self != Self::Quiet
     }
 }
 
