@@ -10,6 +10,7 @@ use crate::solution::Solution;
 use hatbox::adapt::{self, Adapted, Focus};
 use hatbox::assemble::{self, Accuracy};
 use hatbox::failure::Failure;
+use hatbox::io::checkpoint::{Checkpoint, identity};
 use hatbox::linalg::LinearOperator;
 use hatbox::mesh::Refinement;
 use hatbox::progress::Progress;
@@ -21,6 +22,7 @@ use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Rows, columns and values of a sparse matrix.
@@ -55,9 +57,26 @@ struct Settings {
     memory: Option<usize>,
     #[pyo3(item)]
     seed: u64,
+    /// The file of finished work.
+    #[pyo3(item)]
+    checkpoint: Option<PathBuf>,
 }
 
 impl Settings {
+    /// Does work with the file of finished work, if there is to be one; `more` is what decides the result beside scene and options.
+    fn keeping<T>(
+        &self,
+        (scene, options, more): (&scene::Scene, &Options, &str),
+        progress: &dyn Progress,
+        work: impl FnOnce(&dyn Progress) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
+        let Some(path) = &self.checkpoint else { return work(progress) };
+        let checkpoint = Checkpoint::open(path, identity(scene, options, more), progress)?;
+        let done = work(&checkpoint)?;
+        checkpoint.remove();
+        Ok(done)
+    }
+
     fn options(&self) -> PyResult<Options> {
         let Self { continuity, operator, .. } = self;
         let names = || Continuity::NAMES.iter().map(|(name, _)| *name);
@@ -129,7 +148,10 @@ impl System {
         let Scene { inner, fault, .. } = scene.get();
         let subdivided = max_edge.map(Refinement::MaxEdge).or(elements.map(Refinement::Elements));
         let options = Options { refinement: subdivided.unwrap_or(Refinement::None), ..settings.options()? };
-        let system = run(py, threads, reporter, fault, |progress| radiosity::System::build(inner, &options, progress))?;
+        let system = run(py, threads, reporter, fault, |progress| {
+            let build = |progress: &dyn Progress| Ok(radiosity::System::build(inner, &options, progress)?);
+            settings.keeping((inner, &options, "system"), progress, build)
+        })?;
         Ok(Self { inner: Arc::new(system), given: Arc::clone(inner), options, fault: Arc::clone(fault), threads })
     }
 
@@ -157,13 +179,17 @@ impl System {
             most_coefficients: max_unknowns,
             focus: focus.map(Focused::into_focus),
         };
-        let (system, solution) = run(py, threads, reporter, fault, |progress| {
-            options.check_focus(inner)?;
+        let solve = |progress: &dyn Progress| {
             let found = adapt::solve(inner, &options, progress)?;
             let report = Report::adapted(inner, &options, &found);
             let Adapted { system, solved, .. } = found;
             let solution = shown(solved.solution, gather, options.solve.seed, progress)?;
-            Ok::<_, Failure>((system, Solution::new(solution, report)))
+            Ok((system, Solution::new(solution, report)))
+        };
+        let (system, solution) = run(py, threads, reporter, fault, |progress| {
+            options.check_focus(inner)?;
+            let more = format!("{max_unknowns:?} {:?}", options.focus);
+            settings.keeping((inner, &options.solve, &more), progress, solve)
         })?;
         let (given, fault) = (Arc::clone(inner), Arc::clone(fault));
         Ok((Self { inner: Arc::new(system), given, options: options.solve, fault, threads }, solution))

@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import hatbox
@@ -110,6 +111,30 @@ def test_ctrl_c_interrupts_a_solve_and_leaves_the_module_usable() -> None:
     interrupted(lambda: hatbox.solve(cube(), "linear", elements=12_000, tolerance=1e-8))
     interrupted(lambda: hatbox.view_factors(CUBE_VERTICES, CUBE_FACES, elements=12_000, tolerance=1e-8))
     assert hatbox.solve(cube(), elements=30, error_points=0).energy.defect < 1e-9
+
+
+def test_interrupted_work_goes_on_where_it_was(tmp_path: Path) -> None:
+    kept = tmp_path / "work"
+
+    def solve(scene: hatbox.Scene, checkpoint: Path | None, **options: Any) -> hatbox.Solution:
+        return hatbox.solve(scene, operator="sampled", tolerance=0.04, checkpoint=checkpoint, **options)
+
+    def interrupt() -> None:
+        while not kept.exists() or kept.stat().st_size < 1_000_000:
+            time.sleep(0.001)
+        _thread.interrupt_main()
+
+    many = {"elements": 20_000, "error_points": 0}
+    threading.Thread(target=interrupt, daemon=True).start()
+    with pytest.raises(KeyboardInterrupt):
+        solve(cube(), kept, **many)
+    assert kept.stat().st_size >= 1_000_000
+    with pytest.raises(hatbox.HatboxError, match="not a checkpoint of this work"):
+        solve(cube(0.3), kept, **many)
+    for options in (many, {}):
+        resumed, whole = solve(cube(), kept, **options), solve(cube(), None, **options)
+        np.testing.assert_array_equal(resumed.radiosity, whole.radiosity)
+        assert not kept.exists()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="processes are interrupted otherwise there")

@@ -322,6 +322,7 @@ def solve(
     gather: bool = False,
     grading: float = 1.0,
     memory: int | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
     solver: str = "auto",
     seed: int = 0,
     threads: int | None = None,
@@ -350,6 +351,9 @@ def solve(
         grading: Vertices of the subdivision are at t^q from the edges of faces, this being q: finer there, where light
             varies most. 2 suits linear and 3 quadratic functions.
         memory: The most bytes that the operator may store; 16 GiB if not given.
+        checkpoint: A file that keeps finished work, from which the same work goes on if it exists: after a crash, an
+            interrupt or a kill, with the same result. Rays are kept, which are most of the work of a large scene. It is
+            removed when they are no longer needed.
         solver: "auto" or a name of `hatbox.SOLVERS`.
         seed: Seed of everything that is sampled.
         threads: Number of threads, here and in all that is done with `Solution.system`; as many as there are processors
@@ -366,7 +370,7 @@ def solve(
     if elements is None and max_edge is None:
         if error_points < 1:
             raise HatboxError("error_points 0: refinement needs an estimate\n  help: give elements or max_edge")
-        settings = _settings(basis, continuity, tolerance, operator, grading, memory, seed)
+        settings = _settings(basis, continuity, tolerance, operator, grading, memory, seed, checkpoint)
         count("max_unknowns", max_unknowns)
         region = focus if focus is None or isinstance(focus, str) else _box(focus)
         with bar(progress) as reporter:
@@ -386,6 +390,7 @@ def solve(
         operator=operator,
         grading=grading,
         memory=memory,
+        checkpoint=checkpoint,
         seed=seed,
         threads=threads,
         progress=progress,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -55,6 +56,9 @@ class System:
         grading: Vertices of the subdivision are at t^q from the edges of faces, this being q: finer there, where light
             varies most. 2 suits linear and 3 quadratic functions.
         memory: The most bytes that the operator may store; 16 GiB if not given.
+        checkpoint: A file that keeps finished work, from which the same work goes on if it exists: after a crash, an
+            interrupt or a kill, with the same result. Rays are kept, which are most of the work of a large scene. It is
+            removed when the system is built.
         seed: Seed of everything that is sampled.
         threads: Number of threads, here and in all that is done with the system; as many as there are processors if not
             given. No result depends on it.
@@ -79,6 +83,7 @@ class System:
         operator: str = "auto",
         grading: float = 1.0,
         memory: int | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
         seed: int = 0,
         threads: int | None = None,
         progress: bool = False,
@@ -88,7 +93,7 @@ class System:
             elements = _ELEMENTS
         tolerance, threads = checked_tolerance(tolerance), count("threads", threads)
         with bar(progress) as reporter:
-            settings = _settings(basis, continuity, tolerance, operator, grading, memory, seed)
+            settings = _settings(basis, continuity, tolerance, operator, grading, memory, seed, checkpoint)
             self._native = native_module.System(scene._native, settings, elements, max_edge, threads, reporter)
 
     @classmethod
@@ -271,7 +276,14 @@ def shape_functions(basis: str, points: npt.ArrayLike, shape: str = "triangle") 
 
 
 def _settings(
-    basis: str, continuity: str, tolerance: float, operator: str, grading: float, memory: int | None, seed: int
+    basis: str,
+    continuity: str,
+    tolerance: float,
+    operator: str,
+    grading: float,
+    memory: int | None,
+    seed: int,
+    checkpoint: str | os.PathLike[str] | None,
 ) -> dict[str, Any]:
     """What the native module needs to know of every system."""
     if not 1.0 <= grading <= 8.0:
@@ -284,6 +296,7 @@ def _settings(
         "grading": float(grading),
         "memory": count("memory", memory),
         "seed": seed,
+        "checkpoint": None if checkpoint is None else os.fspath(checkpoint),
     }
 
 

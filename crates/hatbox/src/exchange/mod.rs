@@ -177,7 +177,10 @@ impl Params {
 fn size(bytes: usize) -> String {
     match bytes {
         0..10_000_000_000 => format!("{} MB", bytes.div_ceil(1_000_000)),
-        10_000_000_000..10_000_000_000_000 => format!("{} GB", bytes.div_ceil(1_000_000_000)),
+        10_000_000_000..10_000_000_000_000 => {
+            let tenths = bytes.div_ceil(100_000_000);
+            format!("{}.{} GB", tenths / 10, tenths % 10)
+        }
         _ => format!("{} TB", bytes.div_ceil(1_000_000_000_000)),
     }
 }
@@ -326,6 +329,6 @@ mod tests {
     #[test]
     fn sizes_are_told_in_units_that_fit() {
         let sizes = [5, 1_600_000_000, 17_179_869_184, 9_001_951_000_000_000];
-        assert_eq!(sizes.map(size), ["1 MB", "1600 MB", "18 GB", "9002 TB"]);
+        assert_eq!(sizes.map(size), ["1 MB", "1600 MB", "17.2 GB", "9002 TB"]);
     }
 }
