@@ -62,6 +62,12 @@ impl Solution {
         })
     }
 
+    /// What is likely not meant.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.report.as_ref().map(Report::warnings).unwrap_or_default()
+    }
+
     /// B at the nodes, bands × D.
     #[getter]
     fn radiosity<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<f64>>> {

@@ -334,6 +334,15 @@ def test_repairs_are_warnings() -> None:
     assert len(scene.warnings) == 1
 
 
+def test_what_lights_nothing_is_warned_of() -> None:
+    turned = hatbox.Scene(CUBE_VERTICES, CUBE_FACES[:, ::-1], 0.5, np.array([[0.0, 1.0, 0.0, 0.0, 0.0, 0.0]]).T)
+    for options in ({"elements": 30}, {"tolerance": 0.3}):
+        with pytest.warns(hatbox.HatboxWarning, match="lit sides may look outwards"):
+            hatbox.solve(turned, **options)
+        with pytest.warns(hatbox.HatboxWarning, match="nothing shines"):
+            hatbox.solve(cube(exitance=0.0), **options)
+
+
 def test_two_sided_sheets_have_two_sides() -> None:
     square = CUBE_VERTICES[:4], CUBE_FACES[:1]
     assert hatbox.Scene(*square).area == pytest.approx(1.0)

@@ -124,6 +124,14 @@ fn solve_tells_people_what_it_did() {
 }
 
 #[test]
+fn a_scene_without_light_is_warned_of() {
+    let folder = Folder::new();
+    let dark = folder.file("dark.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n");
+    let output = succeed(hatbox().arg("solve").arg(dark).args(FEW));
+    assert!(text(&output.stderr).contains("warning: nothing shines"), "{}", text(&output.stderr));
+}
+
+#[test]
 fn every_choice_of_the_library_can_be_made() {
     let operators = hatbox::exchange::ALL.iter().map(|kind| kind.name).chain(["auto"]);
     let solvers = hatbox::solve::ALL.iter().map(|solver| solver.name).chain(["auto"]);

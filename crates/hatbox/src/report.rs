@@ -247,15 +247,17 @@ pub struct ErrorReport {
 }
 
 impl Report {
-    /// What is likely not meant: what is emitted arrives nowhere.
+    /// What is likely not meant: nothing is emitted, or what is arrives nowhere.
     pub fn warnings(&self) -> Vec<String> {
-        let emits = self.energy.emitted.iter().sum::<f64>() > 0.0;
+        if self.energy.emitted.iter().all(|&power| power == 0.0) {
+            return vec!["nothing shines: no material has an exitance, or a temperature and an emissivity".to_owned()];
+        }
         let is_dark = self.energy.mean_irradiance.iter().all(|&mean| mean == 0.0);
         // A lamp that stands alone lights nothing.
         let is_alone = self.parts.iter().all(|part| part.leaving.iter().sum::<f64>() > 0.0);
         let warning =
             "nothing of what is emitted arrives at any surface; lit sides may look outwards, `hatbox check` tells";
-        (emits && is_dark && !is_alone).then(|| warning.to_owned()).into_iter().collect()
+        (is_dark && !is_alone).then(|| warning.to_owned()).into_iter().collect()
     }
 
     /// From what was given and what came out of refinement to a tolerance.

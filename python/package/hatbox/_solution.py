@@ -18,7 +18,7 @@ from ._arrays import tolerance as checked_tolerance
 from ._materials import Quantity
 from ._native import HatboxError
 from ._progress import bar
-from ._scene import HatboxWarning, Scene
+from ._scene import HatboxWarning, Scene, _warn
 from ._system import System, _settings
 
 # The operator may have this part of the error.
@@ -377,6 +377,7 @@ def solve(
             system, native = native_module.System.adapted(
                 scene._native, settings, solver, error_points, max_unknowns, region, gather, threads, reporter
             )
+        _warn(native.warnings)
         return Solution._of(native, System._of(system))
     if focus is not None:
         raise HatboxError("focus: with elements or max_edge nothing is refined\n  help: give a tolerance only")

@@ -219,6 +219,7 @@ class System:
         threads = count("threads", threads)
         with bar(progress) as reporter:
             native = self._native.solve(solver, error_points, gather, threads, reporter)
+        _warn(native.warnings)
         return Solution._of(native, self)
 
     def __repr__(self) -> str:
