@@ -44,6 +44,7 @@ struct Watch {
     done: AtomicU64,
     stop: AtomicBool,
     fault: Arc<Fault>,
+    warned: Mutex<Vec<String>>,
 }
 
 impl Progress for Watch {
@@ -59,6 +60,12 @@ impl Progress for Watch {
         self.done.fetch_add(steps, Ordering::Relaxed);
     }
 
+    fn warn(&self, text: &str) {
+        if let Ok(mut warned) = self.warned.lock() {
+            warned.push(text.to_owned());
+        }
+    }
+
     fn interrupted(&self) -> bool {
         self.stop.load(Ordering::Relaxed) || self.fault.is_set()
     }
@@ -71,6 +78,16 @@ impl Watch {
         let stage = self.stage.lock().map_or("", |stage| *stage);
         let (done, total) = (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed));
         if stage.is_empty() { Ok(()) } else { reporter.call1((stage, done, total)).map(drop) }
+    }
+
+    /// What the workers have warned of, as Python's warnings.
+    fn raise_warnings(&self, py: Python<'_>) -> PyResult<()> {
+        let warned = self.warned.lock().map_or_else(|_| Vec::new(), |mut warned| std::mem::take(&mut *warned));
+        if warned.is_empty() {
+            return Ok(());
+        }
+        let warn = py.import("hatbox._scene")?.getattr("_warn")?;
+        warn.call1((warned,)).map(drop)
     }
 }
 
@@ -102,7 +119,7 @@ pub(crate) fn run<T: Send, E: Into<Failure> + Send>(
         }
         worker.join().unwrap_or_else(|panic| resume_unwind(panic))
     });
-    match raised.or_else(|| fault.take()) {
+    match raised.or_else(|| fault.take()).or_else(|| watch.raise_warnings(py).err()) {
         Some(error) => Err(error),
         None => result.map_err(crate::error::exception),
     }

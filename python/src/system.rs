@@ -23,7 +23,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// Rows, columns and values of a sparse matrix.
 type Triplets<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<f64>>);
@@ -38,6 +38,14 @@ pub(crate) struct System {
     pub(crate) fault: Arc<Fault>,
     /// As many as there are processors if not given.
     threads: Option<usize>,
+    /// The file of finished work, until the system is solved.
+    checkpoint: Mutex<Option<PathBuf>>,
+}
+
+/// Removes a file of finished work that is not needed any more.
+fn remove(checkpoint: Option<PathBuf>) {
+    // Whoever removed it before has saved the work.
+    let _ = checkpoint.map(std::fs::remove_file);
 }
 
 /// What every way to a system needs to know.
@@ -63,7 +71,8 @@ struct Settings {
 }
 
 impl Settings {
-    /// Does work with the file of finished work, if there is to be one; `more` is what decides the result beside scene and options.
+    /// Does work with the file of finished work, if there is to be one, which stays; `more` is what decides the result beside scene and
+    /// options.
     fn keeping<T>(
         &self,
         (scene, options, more): (&scene::Scene, &Options, &str),
@@ -71,10 +80,11 @@ impl Settings {
         work: impl FnOnce(&dyn Progress) -> Result<T, Failure>,
     ) -> Result<T, Failure> {
         let Some(path) = &self.checkpoint else { return work(progress) };
-        let checkpoint = Checkpoint::open(path, identity(scene, options, more), progress)?;
-        let done = work(&checkpoint)?;
-        checkpoint.remove();
-        Ok(done)
+        let identity = identity(scene, options, more);
+        if progress.interrupted() {
+            return Err(Failure::Interrupted);
+        }
+        work(&Checkpoint::open(path, identity, progress)?)
     }
 
     fn options(&self) -> PyResult<Options> {
@@ -152,7 +162,8 @@ impl System {
             let build = |progress: &dyn Progress| Ok(radiosity::System::build(inner, &options, progress)?);
             settings.keeping((inner, &options, "system"), progress, build)
         })?;
-        Ok(Self { inner: Arc::new(system), given: Arc::clone(inner), options, fault: Arc::clone(fault), threads })
+        let (given, checkpoint) = (Arc::clone(inner), Mutex::new(settings.checkpoint));
+        Ok(Self { inner: Arc::new(system), given, options, fault: Arc::clone(fault), threads, checkpoint })
     }
 
     /// Refines the scene until the estimated error is no greater than the settings' tolerance: the last system and its
@@ -191,8 +202,9 @@ impl System {
             let more = format!("{max_unknowns:?} {:?}", options.focus);
             settings.keeping((inner, &options.solve, &more), progress, solve)
         })?;
-        let (given, fault) = (Arc::clone(inner), Arc::clone(fault));
-        Ok((Self { inner: Arc::new(system), given, options: options.solve, fault, threads }, solution))
+        remove(settings.checkpoint);
+        let (given, fault, checkpoint) = (Arc::clone(inner), Arc::clone(fault), Mutex::default());
+        Ok((Self { inner: Arc::new(system), given, options: options.solve, fault, threads, checkpoint }, solution))
     }
 
     /// Solves for the scene's own emission.
@@ -206,12 +218,14 @@ impl System {
         reporter: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Solution> {
         let options = Options { solver: solver_kind(solver)?, error_points, ..self.options };
-        run(py, threads.or(self.threads), reporter, &self.fault, |progress| {
+        let solution = run(py, threads.or(self.threads), reporter, &self.fault, |progress| {
             let solved = self.intact().solved(&options, progress)?;
             let report = Report::new(&self.given, &solved);
             let solution = shown(solved.solution, gather, options.seed, progress)?;
             Ok::<_, Failure>(Solution::new(solution, report))
-        })
+        })?;
+        remove(self.checkpoint.lock().map_or(None, |mut path| path.take()));
+        Ok(solution)
     }
 
     /// The same operator with other reflectances and exitances, `None` where a material keeps its own.
@@ -233,6 +247,7 @@ impl System {
             options: self.options,
             fault,
             threads: self.threads,
+            checkpoint: Mutex::default(),
         })
     }
 

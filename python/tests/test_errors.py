@@ -114,27 +114,58 @@ def test_ctrl_c_interrupts_a_solve_and_leaves_the_module_usable() -> None:
 
 
 def test_interrupted_work_goes_on_where_it_was(tmp_path: Path) -> None:
-    kept = tmp_path / "work"
+    kept, done = tmp_path / "work", threading.Event()
 
     def solve(scene: hatbox.Scene, checkpoint: Path | None, **options: Any) -> hatbox.Solution:
         return hatbox.solve(scene, operator="sampled", tolerance=0.04, checkpoint=checkpoint, **options)
 
     def interrupt() -> None:
-        while not kept.exists() or kept.stat().st_size < 1_000_000:
+        while not done.is_set():
+            if kept.exists() and kept.stat().st_size > 1_000_000:
+                _thread.interrupt_main()
+                return
             time.sleep(0.001)
-        _thread.interrupt_main()
 
-    many = {"elements": 20_000, "error_points": 0}
-    threading.Thread(target=interrupt, daemon=True).start()
-    with pytest.raises(KeyboardInterrupt):
-        solve(cube(), kept, **many)
-    assert kept.stat().st_size >= 1_000_000
+    # A large part of a hundred megabytes of work.
+    many = {"elements": 150_000, "error_points": 0}
+    watcher = threading.Thread(target=interrupt)
+    watcher.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            solve(cube(), kept, **many)
+    finally:
+        done.set()
+        watcher.join()
+    assert kept.stat().st_size > 1_000_000
     with pytest.raises(hatbox.HatboxError, match="not a checkpoint of this work"):
         solve(cube(0.3), kept, **many)
-    for options in (many, {}):
-        resumed, whole = solve(cube(), kept, **options), solve(cube(), None, **options)
-        np.testing.assert_array_equal(resumed.radiosity, whole.radiosity)
-        assert not kept.exists()
+    resumed, whole = solve(cube(), kept, **many), solve(cube(), None, **many)
+    np.testing.assert_array_equal(resumed.radiosity, whole.radiosity)
+    assert not kept.exists()
+
+
+def test_what_is_kept_is_not_done_again(tmp_path: Path) -> None:
+    kept, same = tmp_path / "work", tmp_path / "same"
+
+    for options in ({"elements": 3000, "error_points": 0}, {"tolerance": 0.1}):
+        sizes = []
+        for _ in range(2):
+            # The first time an empty file, which is removed in the end under one of its names only.
+            if not same.exists():
+                same.touch()
+            os.link(same, kept)
+            hatbox.solve(cube(), operator="sampled", checkpoint=kept, **options)
+            assert not kept.exists()
+            sizes.append(same.stat().st_size)
+        assert sizes[0] == sizes[1] > 10_000
+        same.unlink()
+
+
+def test_rays_that_memory_does_not_hold_are_warned_of() -> None:
+    options = {"elements": 3000, "operator": "sampled", "error_points": 0}
+    with pytest.warns(hatbox.HatboxWarning, match="do not fit into 1 MB of memory and are cast again"):
+        little = hatbox.solve(cube(), memory=1_000_000, **options)
+    np.testing.assert_array_equal(little.radiosity, hatbox.solve(cube(), **options).radiosity)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="processes are interrupted otherwise there")

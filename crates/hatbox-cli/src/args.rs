@@ -100,14 +100,15 @@ pub(crate) struct SolveArgs {
     pub(crate) operator: String,
     /// Most memory that the exchange operator may store, such as 4G or 500M
     ///
-    /// What does not fit is computed again when it is needed, where the operator can do that (`sampled`; but for the light of
-    /// lamps), or refused (`dense`). Scene and solution come on top.
+    /// Rays that do not fit are cast again for each product, which takes much longer (`sampled`, `hierarchical`; light of
+    /// lamps, links and geometry are stored in any case); `dense` is refused. Scene and solution come on top.
     #[arg(long, value_name = "BYTES", default_value = options::MEMORY, value_parser = options::size)]
     pub(crate) memory: u64,
     /// Keep finished work in FILE, and go on from there if it exists: after a crash, an interrupt or a kill
     ///
     /// The result is the same, to the last bit. Rays are kept, which are most of the work of a large scene; the dense
-    /// operator's integrals are not. The file is removed when the outputs are written.
+    /// operator's integrals are not. The file is as large as what all operators on the way store. It goes on with the same
+    /// scene and options, but for outputs, threads and memory, and is removed when the outputs are written.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) checkpoint: Option<PathBuf>,
     #[command(flatten)]

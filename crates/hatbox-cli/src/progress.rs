@@ -1,54 +1,74 @@
 //! Where long work is, on standard error: bars in a terminal; elsewhere, as in a log, a line now and then.
 
-use crate::interrupt;
-use crate::output::note;
+use crate::{interrupt, output};
 use hatbox::progress::Progress;
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, stderr};
-use std::sync::RwLock;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, RwLock};
 use std::time::{Duration, Instant};
 
 /// The stage whose number of steps is a limit and not an expectation: it is counted, not measured.
 const COUNTED: &str = "solving";
-/// Time from line to line at the least, and as a share of all that has passed.
+/// Time from line to line at the least.
 const PAUSE: Duration = Duration::from_secs(30);
-const PATIENCE: u64 = 10;
+/// From line to line this part of all that has passed goes by: a long log stays short.
+const PART: f64 = 0.1;
+/// Before so much of a stage has passed nobody can tell how long it takes; steps that were kept by an earlier run are taken in at
+/// its beginning.
+const TELLING: Duration = Duration::from_secs(2);
 
 /// The stage that work is in, with the time that it is expected to take.
 pub(crate) struct Bars {
     shows: bool,
     /// Time from line to line at the least, where there is no terminal.
     pause: Option<Duration>,
+    telling: Duration,
+    say: fn(&str),
     started: Instant,
-    /// Seconds after the start when the next line is due.
+    /// Milliseconds after the start when the next line is due.
     due: AtomicU64,
-    bar: RwLock<Option<ProgressBar>>,
+    stage: RwLock<Option<Stage>>,
+    warned: Mutex<Vec<String>>,
+}
+
+struct Stage {
+    bar: ProgressBar,
+    began: Instant,
+    /// When its speed is measured from, and the steps that were done then.
+    from: Mutex<Option<(Instant, u64)>>,
 }
 
 impl Bars {
     /// Shows something or nothing.
     pub(crate) fn new(shows: bool) -> Self {
-        Self::with_pause(shows, (shows && !stderr().is_terminal()).then_some(PAUSE))
+        Self::with(shows, (shows && !stderr().is_terminal()).then_some(PAUSE), TELLING, output::note)
     }
 
-    fn with_pause(shows: bool, pause: Option<Duration>) -> Self {
-        let due = AtomicU64::new(pause.map_or(u64::MAX, |pause| pause.as_secs()));
-        Self { shows, pause, started: Instant::now(), due, bar: RwLock::new(None) }
+    fn with(shows: bool, pause: Option<Duration>, telling: Duration, say: fn(&str)) -> Self {
+        let due = AtomicU64::new(pause.map_or(u64::MAX, |pause| pause.as_millis() as u64));
+        let (stage, warned) = (RwLock::default(), Mutex::default());
+        Self { shows, pause, telling, say, started: Instant::now(), due, stage, warned }
     }
 
-    fn replace(&self, bar: Option<ProgressBar>) {
-        if let Ok(mut current) = self.bar.write()
-            && let Some(old) = std::mem::replace(&mut *current, bar)
+    /// What has been warned of.
+    pub(crate) fn warned(&self) -> Vec<String> {
+        self.warned.lock().map_or_else(|_| Vec::new(), |warned| warned.clone())
+    }
+
+    fn replace(&self, stage: Option<Stage>) {
+        if let Ok(mut current) = self.stage.write()
+            && let Some(old) = std::mem::replace(&mut *current, stage)
         {
-            old.finish_and_clear();
+            old.bar.finish_and_clear();
         }
     }
 
     /// Whether a line is due, to one of those who ask.
     fn is_due(&self) -> bool {
-        let (now, due) = (self.started.elapsed().as_secs(), self.due.load(Ordering::Relaxed));
-        let next = now + self.pause.map_or(0, |pause| pause.as_secs()).max(now / PATIENCE);
+        let (passed, due) = (self.started.elapsed(), self.due.load(Ordering::Relaxed));
+        let next = passed + self.pause.unwrap_or_default().max(passed.mul_f64(PART));
+        let [now, next] = [passed, next].map(|time| time.as_millis() as u64);
         now >= due && self.due.compare_exchange(due, next, Ordering::Relaxed, Ordering::Relaxed).is_ok()
     }
 }
@@ -61,16 +81,19 @@ impl Progress for Bars {
         bar.set_style(look(stage));
         bar.set_message(stage);
         bar.enable_steady_tick(Duration::from_millis(100));
-        self.replace(Some(bar));
+        self.replace(Some(Stage { bar, began: Instant::now(), from: Mutex::default() }));
     }
 
     fn advance(&self, steps: u64) {
-        if let Ok(bar) = self.bar.read()
-            && let Some(bar) = &*bar
+        if let Ok(stage) = self.stage.read()
+            && let Some(stage) = &*stage
         {
-            bar.inc(steps);
-            if self.is_due() {
-                note(&line(bar));
+            stage.bar.inc(steps);
+            if self.pause.is_some()
+                && let Some(line) = stage.line(self.telling)
+                && self.is_due()
+            {
+                (self.say)(&line);
             }
         }
     }
@@ -79,20 +102,35 @@ impl Progress for Bars {
         self.replace(None);
     }
 
+    fn warn(&self, text: &str) {
+        let warning = [text.to_owned()];
+        match self.stage.read().as_deref() {
+            Ok(Some(stage)) => stage.bar.suspend(|| output::warn(&warning)),
+            _ => output::warn(&warning),
+        }
+        if let Ok(mut warned) = self.warned.lock() {
+            warned.extend(warning);
+        }
+    }
+
     fn interrupted(&self) -> bool {
         interrupt::asked()
     }
 }
 
-/// What a bar says, in words.
-fn line(bar: &ProgressBar) -> String {
-    let (stage, done) = (bar.message(), bar.position());
-    match bar.length() {
-        Some(all) => {
-            let percent = 100 * done.min(all) / all.max(1);
-            format!("{stage}: {percent} %, about {} left", HumanDuration(bar.eta()))
+impl Stage {
+    /// Where the stage is, in words, once that can be told.
+    fn line(&self, telling: Duration) -> Option<String> {
+        let (stage, done) = (self.bar.message(), self.bar.position());
+        let Some(all) = self.bar.length() else { return Some(format!("{stage}: iteration {done}")) };
+        if self.began.elapsed() < telling {
+            return None;
         }
-        None => format!("{stage}: iteration {done}"),
+        let mut from = self.from.lock().ok()?;
+        let &mut (since, first) = from.get_or_insert((Instant::now(), done));
+        let steps = done.checked_sub(first).filter(|&steps| steps > 0)?;
+        let left = since.elapsed().mul_f64(all.saturating_sub(done) as f64 / steps as f64);
+        Some(format!("{stage}: {} %, about {} left", 100 * done.min(all) / all.max(1), HumanDuration(left)))
     }
 }
 
@@ -108,27 +146,43 @@ fn look(stage: &str) -> ProgressStyle {
 mod tests {
     use super::*;
 
+    static SAID: Mutex<Vec<String>> = Mutex::new(Vec::new());
+
     #[test]
-    fn without_a_terminal_a_line_tells_where_work_is() {
-        let bars = Bars::with_pause(true, Some(Duration::ZERO));
+    fn without_a_terminal_lines_tell_where_work_is() {
+        let say = |text: &str| SAID.lock().expect("no panics").push(text.to_owned());
+        let bars = Bars::with(true, Some(Duration::ZERO), Duration::ZERO, say);
         bars.begin("casting rays", 400);
+        // Kept by an earlier run: its speed is not that of the others.
         bars.advance(100);
-        let text = |bars: &Bars| line(bars.bar.read().expect("no panics").as_ref().expect("a stage"));
-        let words = text(&bars);
-        assert!(words.starts_with("casting rays: 25 %, about ") && words.ends_with(" left"), "{words}");
+        std::thread::sleep(Duration::from_millis(100));
+        bars.advance(1);
+        bars.due.store(0, Ordering::Relaxed);
         bars.begin(COUNTED, 1000);
         bars.advance(3);
-        assert_eq!(text(&bars), "solving: iteration 3");
+        let said = SAID.lock().expect("no panics");
+        let [rays, solving] = &said[..] else { panic!("{said:?}") };
+        // A tenth of a second a step.
+        let left: u64 = rays
+            .strip_prefix("casting rays: 25 %, about ")
+            .and_then(|rest| rest.strip_suffix(" seconds left"))
+            .and_then(|number| number.parse().ok())
+            .unwrap_or_else(|| panic!("{rays}"));
+        assert!(left >= 29, "{rays}");
+        assert_eq!(solving, "solving: iteration 3");
     }
 
     #[test]
     fn lines_come_now_and_then() {
-        assert!(Bars::with_pause(true, Some(Duration::ZERO)).is_due());
-        assert!(!Bars::with_pause(true, Some(PAUSE)).is_due());
-        assert!(!Bars::with_pause(true, None).is_due() && !Bars::with_pause(false, None).is_due());
-        let late = Bars::with_pause(true, Some(PAUSE));
-        late.due.store(0, Ordering::Relaxed);
+        let bars = |shows: bool, pause: Option<Duration>| Bars::with(shows, pause, Duration::ZERO, |_| ());
+        assert!(bars(true, Some(Duration::ZERO)).is_due());
+        assert!(!bars(true, Some(PAUSE)).is_due());
+        assert!(!bars(true, None).is_due() && !bars(false, None).is_due());
+        let mut late = bars(true, Some(PAUSE));
+        late.started = Instant::now().checked_sub(10 * PAUSE * 2).expect("a time");
         assert!(late.is_due());
         assert!(!late.is_due(), "one line is enough");
+        let next = late.due.load(Ordering::Relaxed);
+        assert!(next >= 660_000, "a tenth of 600 s, twice the pause: {next}");
     }
 }

@@ -15,6 +15,8 @@ pub trait Progress: Sync {
     fn advance(&self, _steps: u64) {}
     /// The stage is over.
     fn end(&self) {}
+    /// Something that does not stop the work, but that whoever waits for it wants to know at once.
+    fn warn(&self, _text: &str) {}
     /// Whether the work should stop as soon as it can.
     fn interrupted(&self) -> bool {
         false
@@ -40,6 +42,9 @@ impl<P: Progress + ?Sized> Progress for &P {
     }
     fn end(&self) {
         (**self).end();
+    }
+    fn warn(&self, text: &str) {
+        (**self).warn(text);
     }
     fn interrupted(&self) -> bool {
         (**self).interrupted()

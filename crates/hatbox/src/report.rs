@@ -250,7 +250,10 @@ impl Report {
     /// What is likely not meant: nothing is emitted, or what is arrives nowhere.
     pub fn warnings(&self) -> Vec<String> {
         if self.energy.emitted.iter().all(|&power| power == 0.0) {
-            return vec!["nothing shines: no material has an exitance, or a temperature and an emissivity".to_owned()];
+            return vec![
+                "nothing shines: no face has an exitance, or a temperature and an emissivity; give one to its material"
+                    .to_owned(),
+            ];
         }
         let is_dark = self.energy.mean_irradiance.iter().all(|&mean| mean == 0.0);
         // A lamp that stands alone lights nothing.

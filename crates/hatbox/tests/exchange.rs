@@ -395,47 +395,6 @@ fn new_materials_keep_the_operator() {
     }
 }
 
-/// Rays that are cast again are the rays that were stored.
-#[test]
-fn memory_does_not_change_a_bit() {
-    let kind = exchange::kind(exchange::Sampled::NAME).expect("a kind");
-    let scene = room(0.6, [0.0, 100.0]);
-    let given = options(kind, &BASES[1]);
-    let stored = solve(&scene, &given, &Silent).expect("solved");
-    let recast = solve(&scene, &Options { memory: 1, ..given }, &Silent).expect("solved");
-    assert_eq!(stored.solution.radiosity, recast.solution.radiosity);
-    assert!(recast.operator.bytes < stored.operator.bytes);
-}
-
-/// Light from lamps and geometry count; nearly all of the room is used, below an open lamp as well, where most rays are lost.
-#[test]
-fn memory_bounds_all_that_is_stored() {
-    let kind = exchange::kind(exchange::Sampled::NAME).expect("a kind");
-    let mut open = Mesh::default();
-    for (material, size, height) in [(0, 4.0, 0.0), (1, -1.0, 1.0)] {
-        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-        meshes::face(&mut open, &corners.map(|[x, y]| DVec3::new(4.0 * x, size * y, height)), material);
-    }
-    let materials = vec![Material::diffuse("floor", 0.5), Material::diffuse("lamp", 0.5)];
-    let open = Scene::new(open, materials, Physics::Light, None).expect("valid");
-    for scene in [room(0.6, [0.0, 100.0]), open] {
-        let stored = |memory: usize| {
-            let refinement = Refinement::Elements(20_000);
-            let options = Options { memory, refinement, tolerance: 0.3, ..options(kind, &BASES[1]) };
-            System::build(&scene, &options, &Silent).expect("built").exchange.statistics()
-        };
-        let [least, most] = [0, exchange::MEMORY].map(stored);
-        assert_eq!((least.recast, most.recast), (1.0, 0.0));
-        for share in [0.3, 0.7] {
-            let room = share * (most.bytes - least.bytes) as f64;
-            let found = stored(least.bytes + room as usize);
-            let used = (found.bytes - least.bytes) as f64 / room;
-            assert!(used <= 1.0 && used > 0.85, "{share}: {used}");
-            assert!((found.recast - (1.0 - share)).abs() < 0.2, "{share}: {}", found.recast);
-        }
-    }
-}
-
 /// What an operator's errors change of the reflected light relative to it: the difference to a better one, and what the operator
 /// says itself.
 fn operator_errors(scene: &Scene, rough: &Options, better: &Options) -> [f64; 2] {

@@ -6,9 +6,10 @@ mod meshes;
 
 use glam::DVec3;
 use hatbox::exchange::{self, ExchangeError};
+use hatbox::io::checkpoint::Checkpoint;
 use hatbox::mesh::{Mesh, Refinement};
 use hatbox::progress::{Progress, Silent};
-use hatbox::radiosity::{Error, Options, Solution, System};
+use hatbox::radiosity::{Error, Options, Solution, System, solve};
 use hatbox::scene::{Material, Physics, Quantity, Scene};
 use hatbox::solve::Params;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -18,12 +19,16 @@ const PIECES: usize = 24;
 
 /// A wide ground of one cell under a lamp, and on it two white plates of many cells that face each other.
 fn street() -> Scene {
+    street_of_width(1.0)
+}
+
+fn street_of_width(width: f64) -> Scene {
     let mut mesh = Mesh::default();
     let ground = [(-30.0, -30.0), (30.0, -30.0), (30.0, 30.0), (-30.0, 30.0)];
     meshes::face(&mut mesh, &ground.map(|(x, y)| DVec3::new(x, y, 0.0)), 0);
     let lamp = [(-4.0, -4.0), (-4.0, 4.0), (4.0, 4.0), (4.0, -4.0)];
     meshes::face(&mut mesh, &lamp.map(|(x, y)| DVec3::new(x, y, 60.0)), 2);
-    for (x, turned) in [(-0.5, false), (0.5, true)] {
+    for (x, turned) in [(-0.5 * width, false), (0.5 * width, true)] {
         let at = |i: usize, j: usize| {
             let [along, up] = [i, j].map(|k| k as f64 / PIECES as f64);
             DVec3::new(x, 4.0 * along - 2.0, 0.1 + 3.0 * up)
@@ -86,7 +91,29 @@ impl Progress for Impatient {
     }
 }
 
-/// Only every 256th cell asked, which was every tenth second where a cell has 65 536 rays.
+/// What a material that is a function shows decides where meshes are refined, and nothing in a file can tell which function it was.
+#[test]
+fn rays_of_another_mesh_of_as_many_cells_are_not_taken() {
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    let options = Options { tolerance: 0.3, error_points: 0, ..options() };
+    let wider = street_of_width(1.1);
+    let solution = |scene: &Scene, progress: &dyn Progress| solve(scene, &options, progress).expect("solved").solution;
+    let with_file = |scene: &Scene| {
+        let checkpoint = Checkpoint::open(file.path(), 1, Silent).expect("a checkpoint");
+        (solution(scene, &checkpoint).radiosity, checkpoint.steps())
+    };
+    assert_eq!(with_file(&street()).1, 0);
+    let (found, steps) = with_file(&wider);
+    assert!(steps > 0);
+    assert_eq!(found, solution(&wider, &Silent).radiosity);
+    // And are taken where they belong: nothing is added.
+    let size = || file.as_file().metadata().expect("its size").len();
+    let before = size();
+    with_file(&wider);
+    assert_eq!(size(), before);
+}
+
+/// Only every 256th cell asked: with tens of thousands of rays a cell, that is seldom.
 #[test]
 fn every_cell_notices_an_interrupt() {
     assert!(street().mesh.cells.len() > 1000);

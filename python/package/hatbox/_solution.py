@@ -353,7 +353,7 @@ def solve(
         memory: The most bytes that the operator may store; 16 GiB if not given.
         checkpoint: A file that keeps finished work, from which the same work goes on if it exists: after a crash, an
             interrupt or a kill, with the same result. Rays are kept, which are most of the work of a large scene. It is
-            removed when they are no longer needed.
+            removed when the solution is there.
         solver: "auto" or a name of `hatbox.SOLVERS`.
         seed: Seed of everything that is sampled.
         threads: Number of threads, here and in all that is done with `Solution.system`; as many as there are processors
@@ -363,7 +363,7 @@ def solve(
 
     Raises:
         HatboxError: A name that is in no list, a tolerance or subdivision that is impossible, too many unknowns, no
-            convergence, nothing in focus.
+            convergence, nothing in focus, a checkpoint of other work or one that cannot be written.
         KeyboardInterrupt: Ctrl-C.
     """
     tolerance, threads = checked_tolerance(tolerance), count("threads", threads)
@@ -396,7 +396,9 @@ def solve(
         threads=threads,
         progress=progress,
     )
-    return fixed.solve(solver=solver, error_points=error_points, gather=gather, threads=threads, progress=progress)
+    solution = fixed.solve(solver=solver, error_points=error_points, gather=gather, threads=threads, progress=progress)
+    _warn(solution._native.warnings)
+    return solution
 
 
 def _box(corners: npt.ArrayLike) -> list[list[float]]:

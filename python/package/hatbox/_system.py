@@ -58,14 +58,15 @@ class System:
         memory: The most bytes that the operator may store; 16 GiB if not given.
         checkpoint: A file that keeps finished work, from which the same work goes on if it exists: after a crash, an
             interrupt or a kill, with the same result. Rays are kept, which are most of the work of a large scene. It is
-            removed when the system is built.
+            removed when the system has been solved for the first time.
         seed: Seed of everything that is sampled.
         threads: Number of threads, here and in all that is done with the system; as many as there are processors if not
             given. No result depends on it.
         progress: Whether a bar is drawn, where there is a terminal or a notebook to draw it in.
 
     Raises:
-        HatboxError: A name that is in no list, a tolerance or subdivision that is impossible, too many unknowns.
+        HatboxError: A name that is in no list, a tolerance or subdivision that is impossible, too many unknowns, a
+            checkpoint of other work or one that cannot be written.
         KeyboardInterrupt: Ctrl-C.
     """
 
@@ -219,7 +220,6 @@ class System:
         threads = count("threads", threads)
         with bar(progress) as reporter:
             native = self._native.solve(solver, error_points, gather, threads, reporter)
-        _warn(native.warnings)
         return Solution._of(native, self)
 
     def __repr__(self) -> str:

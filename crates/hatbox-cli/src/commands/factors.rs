@@ -182,7 +182,7 @@ pub(super) fn run(args: &FactorsArgs, talk: Talk) -> Result<(), Failure> {
     let failed = |error: view_factors::Error| Failure::from(error).in_file(&args.scene.path);
     let estimate = Estimate::of(&scene, &options).map_err(|error| failed(error.into()))?;
     let bars = Bars::new(talk.shows_progress());
-    if talk.shows_progress() {
+    if talk.is_watched() {
         output::note(&summary::estimate(&estimate, options.memory));
     }
     let found = ViewFactors::new(&scene, &options, &bars).map_err(failed)?;
@@ -202,7 +202,7 @@ pub(super) fn run(args: &FactorsArgs, talk: Talk) -> Result<(), Failure> {
         ..done
     };
     match talk {
-        Talk::Json => output::print_json(&done),
+        Talk::Json | Talk::QuietJson => output::print_json(&done),
         Talk::Summary => output::print(&summary::factors(&args.scene.path, &found, &done, Style::stdout())),
         Talk::Quiet => Ok(()),
     }

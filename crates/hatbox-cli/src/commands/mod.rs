@@ -12,6 +12,7 @@ use crate::output;
 use clap::CommandFactory;
 use clap::error::ErrorKind;
 use serde::Serialize;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -37,6 +38,8 @@ pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
 enum Talk {
     /// Only what is wrong.
     Quiet,
+    /// One JSON object, and beside it only what is wrong.
+    QuietJson,
     /// One JSON object.
     Json,
     /// A summary for people.
@@ -46,7 +49,8 @@ enum Talk {
 impl Talk {
     fn new(quiet: bool, json: bool) -> Self {
         match (quiet, json) {
-            (_, true) => Self::Json,
+            (true, true) => Self::QuietJson,
+            (false, true) => Self::Json,
             (true, _) => Self::Quiet,
             _ => Self::Summary,
         }
@@ -54,7 +58,12 @@ impl Talk {
 
     /// Whether standard error tells where work is.
     fn shows_progress(self) -> bool {
-        self != Self::Quiet
+        matches!(self, Self::Json | Self::Summary)
+    }
+
+    /// Whether a person may be looking.
+    fn is_watched(self) -> bool {
+        self == Self::Summary && std::io::stderr().is_terminal()
     }
 }
 

@@ -41,6 +41,9 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
     for path in &args.output {
         io::writer_for(path)?;
     }
+    if let Some(path) = &args.checkpoint {
+        check_checkpoint(path, args)?;
+    }
     // 2. The scene.
     let (scene, mut warnings) = io::read_scene(&args.scene.path)?;
     output::warn(&warnings);
@@ -78,14 +81,33 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
     // 5. The summary.
     let late = report.warnings();
     output::warn(&late);
+    warnings.extend(bars.warned());
     warnings.extend(late);
     let seconds = started.elapsed().as_secs_f64();
     let done = Done { report, seconds, peak_bytes: output::peak_bytes(), outputs, warnings };
     match talk {
-        Talk::Json => output::print_json(&done),
+        Talk::Json | Talk::QuietJson => output::print_json(&done),
         Talk::Summary => output::print(&summary::solve(&args.scene.path, &done, Style::stdout())),
         Talk::Quiet => Ok(()),
     }
+}
+
+/// Makes sure that the file of finished work, which is removed in the end, is none of the others.
+fn check_checkpoint(path: &Path, args: &SolveArgs) -> Result<(), Failure> {
+    let place = |path: &Path| {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        std::fs::canonicalize(path)
+            .or_else(|_| Ok(std::fs::canonicalize(folder)?.join(path.file_name().unwrap_or_default())))
+    };
+    let same = |other: &Path| -> bool {
+        let places: [std::io::Result<PathBuf>; 2] = [path, other].map(place);
+        path == other || matches!(places, [Ok(a), Ok(b)] if a == b)
+    };
+    if args.output.iter().any(|output| same(output)) || same(&args.scene.path) {
+        let message = format!("{}: the checkpoint is removed when the work is done", path.display());
+        return Err(Failure::with_help(message, "choose another name for it than those of the scene and of outputs"));
+    }
+    Ok(())
 }
 
 /// The file of finished work.

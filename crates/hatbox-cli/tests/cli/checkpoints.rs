@@ -1,7 +1,7 @@
 //! Work that is killed and goes on.
 
 use crate::failures::fail;
-use crate::{CUBE, Folder, hatbox, sample, succeed};
+use crate::{CUBE, Folder, hatbox, sample, solve_cube, succeed};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
@@ -30,6 +30,18 @@ fn what_is_killed_goes_on_to_the_same_bits() {
     let [a, b] = [&whole, &resumed].map(|path| std::fs::read(path).expect("an output"));
     assert!(a == b, "a run that was killed has another result");
     assert!(!checkpoint.exists(), "it is removed when the work is done");
+}
+
+/// It was removed when it had been written.
+#[test]
+fn a_checkpoint_that_is_an_output_is_refused() {
+    let folder = Folder::new();
+    let output = folder.path("out.npz");
+    for checkpoint in [output.clone(), folder.path("./out.npz")] {
+        let mut command = solve_cube();
+        command.arg("-o").arg(&output).arg("--checkpoint").arg(checkpoint);
+        fail(&folder, 1, &mut command, &["out.npz", "removed when the work is done", "another name"]);
+    }
 }
 
 #[test]

@@ -17,10 +17,10 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// The first bytes of such a file; its format has a number.
-const MAGIC: [u8; 8] = *b"hatbox\0\x05";
+const MAGIC: [u8; 8] = *b"hatbox\0\x06";
 /// Bytes of the header, and of what precedes the bytes of a step.
 const HEADER: usize = 16;
 const RECORD: usize = 32;
@@ -48,6 +48,8 @@ pub struct Checkpoint<P> {
     known: HashMap<[u64; 2], (u64, usize)>,
     /// Number of stages that have begun.
     stage: AtomicU64,
+    /// Whether something could not be kept, as where a disk is full.
+    failed: AtomicBool,
 }
 
 impl<P: Progress> Checkpoint<P> {
@@ -73,7 +75,14 @@ impl<P: Progress> Checkpoint<P> {
         } else {
             records(&mut file).map_err(failed)?
         };
-        Ok(Self { listener, path: path.to_owned(), file: Mutex::new(file), known, stage: AtomicU64::new(0) })
+        Ok(Self {
+            listener,
+            path: path.to_owned(),
+            file: Mutex::new(file),
+            known,
+            stage: AtomicU64::new(0),
+            failed: AtomicBool::new(false),
+        })
     }
 
     /// Number of steps that an earlier run has left.
@@ -107,6 +116,10 @@ impl<P: Progress> Progress for Checkpoint<P> {
         self.listener.end();
     }
 
+    fn warn(&self, text: &str) {
+        self.listener.warn(text);
+    }
+
     fn interrupted(&self) -> bool {
         self.listener.interrupted()
     }
@@ -123,16 +136,24 @@ impl<P: Progress> Progress for Checkpoint<P> {
         Some(bytes)
     }
 
+    /// A disk that is full costs the checkpoint, not the work: it is told once, and no more is kept.
     fn keep(&self, step: u64, bytes: &[u8]) {
+        if self.failed.load(Ordering::Relaxed) {
+            return;
+        }
         let [stage, step] = self.key(step);
         let mut record = Vec::with_capacity(RECORD + bytes.len());
         for number in [stage, step, bytes.len() as u64, checksum([stage, step], bytes)] {
             record.extend_from_slice(&number.to_le_bytes());
         }
         record.extend_from_slice(bytes);
-        if let Ok(mut file) = self.file.lock() {
-            // A disk that is full costs the checkpoint, not the work: a record that is not whole is not read.
-            let _ = file.seek(SeekFrom::End(0)).and_then(|_| file.write_all(&record));
+        let Ok(mut file) = self.file.lock() else { return };
+        // A record that is not whole is not read.
+        let written = file.seek(SeekFrom::End(0)).and_then(|_| file.write_all(&record));
+        if let Err(error) = written
+            && !self.failed.swap(true, Ordering::Relaxed)
+        {
+            self.warn(&format!("no more is kept in `{}`: {error}", self.path.display()));
         }
     }
 }
@@ -180,12 +201,14 @@ fn digest(seed: u64, bytes: &[u8]) -> u64 {
     hash(hash(sum, u64::from_le_bytes(last)), bytes.len() as u64)
 }
 
-/// A number for all that decides the result of a solve: the scene, the options, and the program's version.
+/// A number for all that decides the result of a solve: the scene, the options, and the program's version. What memory is allowed
+/// does not; what materials that are functions or textures show between the middles of faces is not looked at, and steps must tell
+/// whether they are of the same work.
 pub fn identity(scene: &Scene, options: &Options, more: &str) -> u64 {
-    let Options { basis, continuity, refinement, grading, tolerance, operator, solver, seed, memory, error_points } =
+    let Options { basis, continuity, refinement, grading, tolerance, operator, solver, seed, error_points, .. } =
         options;
     let names = [env!("CARGO_PKG_VERSION"), basis.name, operator.name, more];
-    let numbers = (grading, tolerance, seed, memory, error_points);
+    let numbers = (grading, tolerance, seed, error_points);
     let text = format!("{names:?} {numbers:?} {continuity:?} {refinement:?} {solver:?} {:?}", scene.materials);
     let mut sum = digest(0, text.as_bytes());
     for corner in scene.surfaces.iter().flat_map(|surface| surface.corners) {

@@ -106,7 +106,7 @@ impl Hits {
             |cell: usize| self.arrived[cell * self.words..(cell + 1) * self.words].iter().map(|w| w.count_ones());
         let ends = self.ends.iter().scan(0, |end, &next| Some(next.checked_sub(std::mem::replace(end, next))));
         self.words == (expected.rays as usize).div_ceil(WORD)
-            && self.ends.len() == expected.kept
+            && [expected.kept, expected.cells].contains(&self.ends.len())
             && self.arrived.len() == self.words * self.ends.len()
             && self.ends.last().copied().unwrap_or(0) as usize == self.cells.len()
             && self.cells.len() == self.spots.len()
@@ -291,12 +291,13 @@ pub(super) struct Traced {
 }
 
 impl Traced {
-    pub(super) fn to_bytes(&self) -> Vec<u8> {
+    /// With the digest of what decides where rays go.
+    pub(super) fn to_bytes(&self, digest: u64) -> Vec<u8> {
         let (Hits { words, arrived, ends, cells, spots }, received) = (&self.hits, &self.received);
         let lengths = [*words, arrived.len(), ends.len(), cells.len()];
         let of_lamps = [received.width, received.ends.len(), received.lamps.len(), received.in_doubt.len()];
-        let numbers = [self.rays, self.area.to_bits(), self.lost.to_bits()];
-        let mut bytes = Vec::with_capacity(88 + self.hits.bytes() + received.bytes());
+        let numbers = [self.rays, self.area.to_bits(), self.lost.to_bits(), digest];
+        let mut bytes = Vec::with_capacity(96 + self.hits.bytes() + received.bytes());
         for number in lengths.into_iter().chain(of_lamps).map(|length| length as u64).chain(numbers) {
             bytes.extend(number.to_le_bytes());
         }
@@ -322,7 +323,7 @@ impl Traced {
             *length = usize::try_from(reader.take().map(u64::from_le_bytes)?).ok()?;
         }
         let [words, arrived, ends, hits, width, lit, entries, in_doubt] = lengths;
-        let [rays, area, lost] = [(); 3].map(|()| reader.take().map(u64::from_le_bytes));
+        let [rays, area, lost, digest] = [(); 4].map(|()| reader.take().map(u64::from_le_bytes));
         let arrived = reader.list(arrived, u64::from_le_bytes)?;
         let (ends, cells) = (reader.list(ends, u32::from_le_bytes)?, reader.list(hits, u32::from_le_bytes)?);
         let (lit, lamps) = (reader.list(lit, u32::from_le_bytes)?, reader.list(entries, u32::from_le_bytes)?);
@@ -332,14 +333,17 @@ impl Traced {
         let hits = Hits { words, arrived, ends, cells, spots: reader.list(hits, u8::from_le_bytes)? };
         let received = Received { width, ends: lit, lamps, values, in_doubt, doubts };
         let (area, lost) = (f64::from_bits(area?), f64::from_bits(lost?));
-        let whole = reader.0.is_empty() && hits.is(expected) && received.is(expected);
+        let same = digest == Some(expected.digest) && hits.is(expected) && received.is(expected);
+        let whole = reader.0.is_empty() && same;
+        // More may have been kept than there is room for now, but not less.
+        let hits = if expected.kept == 0 { Hits::new(expected.rays) } else { hits };
         whole.then_some(Self { hits, received, rays: rays?, area, lost })
     }
 }
 
 /// What the rays of a chunk are known to be.
 pub(super) struct Expected {
-    /// Number of its cells, and of those whose rays are kept.
+    /// Number of its cells, and of those whose rays are to be kept: all or none.
     pub(super) cells: usize,
     pub(super) kept: usize,
     /// Rays of a cell.
@@ -349,6 +353,8 @@ pub(super) struct Expected {
     /// Number of all cells, and of lamps.
     pub(super) all_cells: usize,
     pub(super) lamps: usize,
+    /// That of what decides where rays go.
+    pub(super) digest: u64,
 }
 
 /// Bytes that are still to be read.
@@ -435,28 +441,32 @@ mod tests {
             received
         };
         let of = |hits: Hits, received: Received| Traced { hits, received, rays: 77, area: 0.1, lost: 0.3 };
-        let expected = || Expected { cells: 4, kept: 4, rays: 130, width: 2, all_cells: 4000, lamps: 4 };
-        let bytes = of(hits(), lit()).to_bytes();
+        let expected = || Expected { cells: 4, kept: 4, rays: 130, width: 2, all_cells: 4000, lamps: 4, digest: 99 };
+        let bytes = of(hits(), lit()).to_bytes(99);
         assert_eq!(Traced::from_bytes(&bytes, &expected()), Some(of(hits(), lit())));
         for part in [&bytes[1..], &bytes[..bytes.len() - 1], &[]] {
             assert_eq!(Traced::from_bytes(part, &expected()), None);
         }
         let others = [
             Expected { cells: 5, ..expected() },
-            Expected { kept: 0, ..expected() },
             Expected { rays: 64, ..expected() },
             Expected { width: 3, ..expected() },
             Expected { all_cells: 3000, ..expected() },
             Expected { lamps: 3, ..expected() },
+            Expected { digest: 98, ..expected() },
         ];
         for (k, other) in others.iter().enumerate() {
             assert_eq!(Traced::from_bytes(&bytes, other), None, "{k}");
         }
+        let without = Traced::from_bytes(&bytes, &Expected { kept: 0, ..expected() });
+        assert_eq!(without, Some(of(Hits::new(130), lit())), "rays that there is no room for are left out");
+        let bytes_without = of(Hits::new(130), lit()).to_bytes(99);
+        assert_eq!(Traced::from_bytes(&bytes_without, &expected()), None, "and cannot be made up");
         let mut broken = hits();
         broken.arrived[0] ^= 1 << 5;
-        assert_eq!(Traced::from_bytes(&of(broken, lit()).to_bytes(), &expected()), None, "a hit for each bit");
+        assert_eq!(Traced::from_bytes(&of(broken, lit()).to_bytes(99), &expected()), None, "a hit for each bit");
         for in_doubt in [vec![2, 1, 3], vec![1, 1, 3], vec![1, 2, 4], vec![1, 2]] {
-            let bytes = of(hits(), Received { in_doubt, ..lit() }).to_bytes();
+            let bytes = of(hits(), Received { in_doubt, ..lit() }).to_bytes(99);
             assert_eq!(Traced::from_bytes(&bytes, &expected()), None, "each entry once, in order, with its doubts");
         }
         let mut narrow = bytes;

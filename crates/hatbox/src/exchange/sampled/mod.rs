@@ -44,15 +44,17 @@ mod strong;
 mod sums;
 
 use super::hierarchical::{Linked, Links};
-use super::{Exchange, ExchangeError, Geometry, Hierarchical, Params, Statistics};
+use super::{Exchange, ExchangeError, Geometry, Hierarchical, Params, Statistics, size};
 use crate::element::Element;
 use crate::kernel::Frame;
 use crate::linalg::{Csr, LinearOperator, MultiVector};
+use crate::mesh::Cell;
 use crate::progress::{Interrupted, Progress};
 use crate::quadrature::sequence::{hash, point, unit};
 pub(super) use cells::Cells;
 use cells::Locator;
 use fit::{Matrix, Take, add_outer, factor, mean_mass, solve, variance};
+use glam::DVec3;
 use kept::{Expected, Hits, Received, Traced};
 use lamps::{Entry, Lamps, Receivers};
 use rayon::prelude::*;
@@ -63,7 +65,7 @@ use std::sync::Arc;
 
 /// Cells per piece of work.
 const CHUNK: usize = 256;
-/// Rays by which it is guessed what all take, and the least of cells.
+/// Rays by which it is guessed what all take, a fraction of a second's, and the least of cells.
 const GUESSED_BY: usize = 1 << 18;
 const LEAST_GUESSED_BY: usize = 64;
 /// Fewest and most rays of a cell.
@@ -96,6 +98,8 @@ pub struct Sampled {
     direct: Vec<Received>,
     escape: f64,
     statistics: Statistics,
+    /// Of what decides where rays go.
+    digest: u64,
 }
 
 /// What is the same for all cells of an element.
@@ -182,28 +186,31 @@ impl Sampled {
                 tables.push(Table::new(cells.element(cell), rays, seed));
             }
         }
+        let digest = digest(geometry, params);
         let statistics = Statistics::default();
         let (stored, direct) = (Vec::new(), Vec::new());
         let mut sampled =
-            Self { cells, tracer, lamps, links, linked, tables, rays, stored, direct, escape: 0.0, statistics };
-        sampled.cast(params.memory, progress)?;
-        sampled.keep_within(params.memory);
+            Self { cells, tracer, lamps, links, linked, tables, rays, stored, direct, escape: 0.0, statistics, digest };
+        let needed = sampled.cast(params.memory, progress)?;
+        sampled.keep_within(params.memory, needed, progress);
         sampled.statistics.visibility_error = sampled.measured_error();
         Ok(sampled)
     }
 
-    /// Casts all rays, and stores as many as so many bytes are thought to have room for.
-    fn cast(&mut self, memory: usize, progress: &dyn Progress) -> Result<(), Interrupted> {
+    /// Casts all rays, and stores as many as so many bytes are thought to have room for; how many bytes all would take, if it was guessed.
+    fn cast(&mut self, memory: usize, progress: &dyn Progress) -> Result<usize, Interrupted> {
         progress.begin("casting rays", self.cells.len() as u64);
         let chunks = self.cells.len().div_ceil(CHUNK);
-        let keep = self.chunks_within(memory.saturating_sub(self.bytes_of_cells()), progress)?.min(chunks);
+        let of_cells = self.bytes_of_cells();
+        let [keep, needed] = self.chunks_within(memory.saturating_sub(of_cells), progress)?;
+        let keep = keep.min(chunks);
         let trace = |chunk: usize| {
             let expected = self.expected(chunk, keep);
             let known = progress.recall(chunk as u64).and_then(|bytes| Traced::from_bytes(&bytes, &expected));
             let trace = || {
                 let traced = self.trace(self.chunk(chunk), chunk < keep, progress)?;
                 if progress.keeps() {
-                    progress.keep(chunk as u64, &traced.to_bytes());
+                    progress.keep(chunk as u64, &traced.to_bytes(self.digest));
                 }
                 Ok(traced)
             };
@@ -225,21 +232,33 @@ impl Sampled {
         self.statistics.pairs = self.links.as_ref().map_or(0, Links::len) as u64;
         self.statistics.clear_pairs = self.statistics.pairs;
         self.statistics.quadrature_error = self.links.as_ref().map_or(0.0, Links::error);
-        Ok(())
+        Ok(of_cells + needed)
     }
 
     /// Forgets the last of the rays until all that is stored takes no more than so many bytes.
-    fn keep_within(&mut self, memory: usize) {
+    fn keep_within(&mut self, memory: usize, needed: usize, progress: &dyn Progress) {
         let stored: usize = self.stored.iter().map(Hits::bytes).sum();
         let direct: usize = self.direct.iter().map(Received::bytes).sum();
         self.statistics.bytes = stored + direct + self.bytes_of_cells();
+        let needed = size(needed.max(self.statistics.bytes));
         while self.statistics.bytes > memory
             && let Some(last) = self.stored.pop()
         {
             self.statistics.bytes -= last.bytes();
         }
-        let kept = self.cells.len().min(self.stored.len() * CHUNK);
-        self.statistics.recast = 1.0 - kept as f64 / self.cells.len().max(1) as f64;
+        let recast = self.cells.len().saturating_sub(self.stored.len() * CHUNK);
+        self.statistics.recast = recast as f64 / self.cells.len().max(1) as f64;
+        let [bytes, allowed] = [self.statistics.bytes, memory].map(size);
+        if recast > 0 {
+            let share = 100.0 * self.statistics.recast;
+            progress.warn(&format!(
+                "the rays of {share:.0} % of the elements do not fit into {allowed} of memory and are cast again for each product; \
+                 about {needed} would hold all"
+            ));
+        }
+        if self.statistics.bytes > memory {
+            progress.warn(&format!("light of lamps, links and geometry take {bytes}, more than the {allowed} allowed"));
+        }
     }
 
     /// What is stored of the cells, and of links.
@@ -248,11 +267,12 @@ impl Sampled {
         links + self.cells.bytes() + self.tracer.bytes()
     }
 
-    /// Chunks whose rays so many bytes are thought to have room for beside what all cells get from lamps.
-    fn chunks_within(&self, bytes: usize, progress: &dyn Progress) -> Result<usize, Interrupted> {
+    /// Chunks whose rays so many bytes are thought to have room for beside what all cells get from lamps, and what all would take.
+    fn chunks_within(&self, bytes: usize, progress: &dyn Progress) -> Result<[usize; 2], Interrupted> {
         let (cells, most) = (self.cells.len(), Hits::most_bytes(self.rays));
+        // Where there is room for twice the rays, there is for lamps.
         if 2 * cells * most <= bytes {
-            return Ok(usize::MAX);
+            return Ok([usize::MAX, 0]);
         }
         let some = (GUESSED_BY / self.rays as usize).max(LEAST_GUESSED_BY).min(cells);
         let of_cell = |k: usize| {
@@ -260,9 +280,14 @@ impl Sampled {
             let traced = self.trace(cell..cell + 1, true, progress)?;
             Ok([traced.hits.bytes(), traced.received.bytes()])
         };
-        let sum = |a: [usize; 2], b: [usize; 2]| Ok([a[0] + b[0], a[1] + b[1]]);
-        let [hits, lamps] = (0..some).into_par_iter().map(of_cell).try_reduce(|| [0; 2], sum)?;
-        Ok(bytes.saturating_sub(lamps * cells / some) / (CHUNK * hits / some).max(1))
+        let found: Vec<[usize; 2]> = (0..some).into_par_iter().map(of_cell).collect::<Result<_, _>>()?;
+        // Each stands for the cells up to the next; the first ones' rays are stored.
+        let lamps: usize = found.iter().map(|[_, lamps]| lamps).sum();
+        let mut left = (bytes * some / cells).saturating_sub(lamps);
+        let fits = |&&[hits, _]: &&[usize; 2]| left.checked_sub(hits).map(|rest| left = rest).is_some();
+        let kept = found.iter().take_while(fits).count();
+        let all = found.iter().map(|[hits, lamps]| hits + lamps).sum::<usize>() * cells / some;
+        Ok([kept * cells / some / CHUNK, all])
     }
 
     fn chunk(&self, chunk: usize) -> Range<usize> {
@@ -284,6 +309,7 @@ impl Sampled {
             width: self.width(),
             all_cells: self.cells.len(),
             lamps: self.lamps.len(),
+            digest: self.digest,
         }
     }
 
@@ -390,6 +416,17 @@ fn shares(cells: &Cells, links: &Links) -> Vec<f64> {
         solve(&factor(mean_mass(element, Some(&patch)), element.dofs()), element.dofs(), 1, share);
     }
     shares
+}
+
+/// Of what decides where rays go: scenes whose materials are functions can be told apart by nothing else.
+fn digest(geometry: &Geometry<'_>, params: &Params) -> u64 {
+    let mesh = &geometry.scene.mesh;
+    let start = hash(params.seed, params.tolerance.to_bits());
+    let places = mesh.vertices.iter().flat_map(DVec3::to_array).fold(start, |sum, x| hash(sum, x.to_bits()));
+    let of_cell = |sum: u64, cell: &Cell| {
+        cell.vertices.iter().chain([&cell.surface]).fold(sum, |sum, &k| hash(sum, u64::from(k)))
+    };
+    params.strengths.iter().fold(mesh.cells.iter().fold(places, of_cell), |sum, x| hash(sum, x.to_bits()))
 }
 
 /// The share of the light that does not come through links: the root of its mean square over the area.

@@ -18,8 +18,8 @@ use super::spots::Spots;
 use crate::element::MAX_DOFS;
 use crate::linalg::Number;
 
-/// So many rays before they are needed coefficients are asked for. Products of a million elements of a city took a sixth less time
-/// than with 24, and as much as with 128 (bench `scale`).
+/// So many rays before they are needed coefficients are asked for. Other paint took a sixth less time than with 24, and as much as with
+/// 128 (`cargo bench -p hatbox --bench scale -- city 1000000 sampled`, with this number changed).
 const AHEAD: usize = 64;
 
 /// Rays of which 64 at the most ended somewhere.
@@ -146,6 +146,7 @@ mod x86 {
                 *sum = _mm_add_pd(*sum, _mm_mul_pd(_mm_setr_pd(a, b), _mm_set1_pd(value)));
             }
         }
+        const { assert!(MAX_DOFS.is_multiple_of(2)) };
         bytemuck::cast(sums)
     }
 }
@@ -163,7 +164,8 @@ mod tests {
     }
 
     fn agrees<const N: usize, const B: usize, T: Number>(element: &crate::element::Element) {
-        let (cells, rays) = (40, 50);
+        // More than are read ahead.
+        let (cells, rays) = (40, 2 * AHEAD + 50);
         let values: Vec<T> = (0..cells * 16 * N).map(number).collect();
         let source = Source::of_known(&values, B, N);
         let spots = Spots::new(element);
@@ -174,42 +176,48 @@ mod tests {
         let ended: Vec<Hit> = (0..rays).map(|ray| if ray % 7 == 3 { Hit::LOST } else { hit(ray, flag(ray)) }).collect();
         let mut hits = Hits::new(rays as u32);
         hits.push(&ended);
+        let (mut found, mut others) = ([[0.0; B]; N], Vec::new());
         for (first, bits, hits) in hits.of(0).words(0..rays) {
             let word = Word { functions: &functions[first..], bits, hits, excluded: Kinds::LAMPS_AND_LINKED };
-            let mut others = [Vec::new(), Vec::new()];
-            let sums: [[f64; B]; N] = sum_of(&word, source, &spots, |ray, hit| others[0].push((ray, hit)));
-            assert_eq!(sums, portable(&word, source, &spots, |ray, hit| others[1].push((ray, hit))));
-            let ended = ended.iter().enumerate().filter(|(_, hit)| !hit.is_lost());
-            let (passed, counting): (Vec<_>, Vec<_>) =
-                ended.map(|(ray, &hit)| (ray, hit)).partition(|&(ray, _)| flag(ray) > 0);
-            assert_eq!(others, [passed.clone(), passed]);
-            let mut expected = [[0.0; B]; N];
-            for (ray, hit) in counting {
-                for (k, sums) in expected.iter_mut().enumerate() {
-                    for (band, sum) in sums.iter_mut().enumerate() {
-                        let there = spots.functions(hit.spot()).iter().enumerate();
-                        let cell = source.known_cell::<N, B>(hit.cell());
-                        let value = |(l, n): (usize, &f64)| n * cell[B * l + band].into();
-                        *sum += functions[ray][k] * there.map(value).sum::<f64>();
-                    }
-                }
-            }
-            for (found, expected) in sums.iter().flatten().zip(expected.iter().flatten()) {
-                assert!((found - expected).abs() < 1e-13, "{found} {expected}");
+            let mut passed = Vec::new();
+            let sums: [[f64; B]; N] = sum_of(&word, source, &spots, |ray, hit| others.push((first + ray, hit)));
+            let single = portable(&word, source, &spots, |ray, hit| passed.push((first + ray, hit)));
+            assert_eq!(sums.map(|of| of.map(f64::to_bits)), single.map(|of| of.map(f64::to_bits)));
+            assert!(others.ends_with(&passed));
+            found.iter_mut().flatten().zip(sums.iter().flatten()).for_each(|(sum, more)| *sum += more);
+        }
+        let ended = ended.iter().enumerate().filter(|(_, hit)| !hit.is_lost()).map(|(ray, &hit)| (ray, hit));
+        let (passed, counting): (Vec<_>, Vec<_>) = ended.partition(|&(ray, _)| flag(ray) > 0);
+        assert_eq!(others, passed);
+        let expected = |function: usize, band: usize| -> f64 {
+            let of_ray = |&(ray, hit): &(usize, Hit)| {
+                let cell = source.known_cell::<N, B>(hit.cell());
+                let there = spots.functions(hit.spot()).iter().enumerate();
+                let value: f64 = there.map(|(l, n)| n * cell[B * l + band].into()).sum();
+                functions[ray][function] * value
+            };
+            counting.iter().map(of_ray).sum()
+        };
+        for (function, bands) in found.iter().enumerate() {
+            for (band, &found) in bands.iter().enumerate() {
+                let expected = expected(function, band);
+                assert!((found - expected).abs() < 1e-12, "{found} {expected}");
             }
         }
     }
 
+    fn all_agree<const N: usize>(element: &crate::element::Element) {
+        agrees::<N, 1, f32>(element);
+        agrees::<N, 1, f64>(element);
+        agrees::<N, 4, f32>(element);
+        agrees::<N, 4, f64>(element);
+    }
+
     #[test]
     fn vectors_give_the_bits_of_single_numbers_and_both_are_the_formula() {
-        agrees::<1, 4, f32>(ALL[0].triangle);
-        agrees::<3, 4, f32>(ALL[1].triangle);
-        agrees::<3, 4, f64>(ALL[1].triangle);
-        agrees::<4, 4, f32>(ALL[2].quad.expect("bilinear functions live on quads"));
-        agrees::<6, 4, f64>(ALL[3].triangle);
-        agrees::<1, 1, f32>(ALL[0].triangle);
-        agrees::<3, 1, f32>(ALL[1].triangle);
-        agrees::<4, 1, f64>(ALL[2].quad.expect("bilinear functions live on quads"));
-        agrees::<6, 1, f32>(ALL[3].triangle);
+        all_agree::<1>(ALL[0].triangle);
+        all_agree::<3>(ALL[1].triangle);
+        all_agree::<4>(ALL[2].quad.expect("bilinear functions live on quads"));
+        all_agree::<6>(ALL[3].triangle);
     }
 }

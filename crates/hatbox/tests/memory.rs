@@ -1,0 +1,71 @@
+//! What sampled operators store, and that nothing depends on it.
+
+#[expect(dead_code, reason = "not every test needs every mesh")]
+mod meshes;
+
+use glam::DVec3;
+use hatbox::element::ALL as BASES;
+use hatbox::exchange::{self, Exchange, Kind, Statistics};
+use hatbox::mesh::{Mesh, Refinement};
+use hatbox::progress::Silent;
+use hatbox::radiosity::{Options, System, solve};
+use hatbox::scene::{Material, Physics, Quantity, Scene};
+
+/// A closed room, of which no ray is lost, with a lamp, and open ground, of which all are, one after the other.
+fn scene(ground_first: bool) -> Scene {
+    let mut mesh = Mesh::default();
+    let ground = |mesh: &mut Mesh| {
+        let corners = [[0.0, 0.0], [7.0, 0.0], [7.0, 7.0], [0.0, 7.0]];
+        meshes::face(mesh, &corners.map(|[x, y]| DVec3::new(x + 5.0, y + 5.0, 0.0)), 0);
+    };
+    if ground_first {
+        ground(&mut mesh);
+    }
+    let room = meshes::room(DVec3::splat(2.0), |face| face == 3);
+    for (index, cell) in room.cells.iter().enumerate() {
+        let corners: Vec<DVec3> = cell.corners().iter().map(|&vertex| room.vertices[vertex as usize]).collect();
+        meshes::face(&mut mesh, &corners, u32::from(index == 0));
+    }
+    if !ground_first {
+        ground(&mut mesh);
+    }
+    let lamp = Material { exitance: Quantity::gray(100.0), ..Material::diffuse("lamp", 0.6) };
+    Scene::new(mesh, vec![Material::diffuse("walls", 0.6), lamp], Physics::Light, None).expect("valid")
+}
+
+fn sampled() -> &'static Kind {
+    exchange::kind(exchange::Sampled::NAME).expect("a kind")
+}
+
+fn options(elements: usize, memory: usize) -> Options {
+    let refinement = Refinement::Elements(elements);
+    let (operator, basis) = (sampled(), &BASES[1]);
+    Options { operator, basis, refinement, tolerance: 0.3, memory, error_points: 0, ..Options::default() }
+}
+
+/// Rays that are cast again are the rays that were stored.
+#[test]
+fn memory_does_not_change_a_bit() {
+    let scene = scene(false);
+    let [stored, recast] =
+        [exchange::MEMORY, 1].map(|memory| solve(&scene, &options(2000, memory), &Silent).expect("solved"));
+    assert_eq!(stored.solution.radiosity, recast.solution.radiosity);
+    assert!(recast.operator.bytes < stored.operator.bytes);
+}
+
+/// Rays that are lost take no room. Cells stand in the order of the file, so that the first may have all of them, or none.
+#[test]
+fn memory_bounds_rays_beside_what_is_always_stored_and_nearly_all_of_it_is_used() {
+    for scene in [scene(false), scene(true)] {
+        let stored = |memory: usize| -> Statistics {
+            System::build(&scene, &options(20_000, memory), &Silent).expect("built").exchange.statistics()
+        };
+        let [least, most] = [0, exchange::MEMORY].map(stored);
+        assert_eq!((least.recast, most.recast), (1.0, 0.0));
+        for share in [0.3, 0.7] {
+            let room = share * (most.bytes - least.bytes) as f64;
+            let used = (stored(least.bytes + room as usize).bytes - least.bytes) as f64 / room;
+            assert!(used <= 1.0 && used > 0.85, "{share}: {used}");
+        }
+    }
+}
