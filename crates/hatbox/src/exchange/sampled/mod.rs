@@ -534,3 +534,54 @@ impl Exchange for Sampled {
         Some(bands.map(|(sum, (free, rest))| sum + share * free + rest / f64::from(POINT_RAYS)).collect())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::element::{ALL, Shape};
+    use crate::mesh::{Mesh, Refinement};
+    use crate::progress::Silent;
+    use crate::scene::{Material, Physics, Scene};
+    use crate::space::FunctionSpace;
+    use crate::visibility::Bvh;
+    use std::sync::OnceLock;
+
+    /// Open ground, of which all rays are lost, and a passage between two walls, of which some are, one after the other.
+    fn scene(ground_first: bool) -> Scene {
+        let square = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
+        let wall = |x: f64| square.map(|[y, z]| DVec3::new(x, y, z));
+        let ground = square.map(|[x, y]| DVec3::new(9.0 + x, y, 0.0));
+        let mut faces = vec![wall(0.0), wall(1.0), ground];
+        faces[1].reverse();
+        faces.rotate_right(usize::from(ground_first));
+        let mut mesh = Mesh { groups: vec![String::new()], ..Mesh::default() };
+        for face in faces {
+            let first = mesh.vertices.len() as u32;
+            mesh.vertices.extend(face);
+            let vertices = [0, 1, 2, 3].map(|k| first + k);
+            mesh.cells.push(Cell { shape: Shape::Quad, vertices, material: 0, group: 0, surface: 0 });
+        }
+        let scene = Scene::new(mesh, vec![Material::diffuse("gray", 0.5)], Physics::Light, None).expect("a scene");
+        scene.refined(Refinement::Elements(30_000), &ALL[0]).expect("refined")
+    }
+
+    /// By a mean over all cells it would be too many or too few by half.
+    #[test]
+    fn as_many_rays_are_kept_as_there_is_room_for_whichever_cells_come_first() {
+        for scene in [scene(false), scene(true)] {
+            let space = FunctionSpace::broken(&scene.mesh, &ALL[0]).expect("a space");
+            let (panels, blockers) = (OnceLock::new(), Arc::new(Bvh::of_surfaces(&scene.surfaces)));
+            let geometry = Geometry::new(&scene, &space, &blockers, &panels);
+            let sampled = Sampled::new(&geometry, &Params::new(0.1), &Silent).expect("built");
+            let all: usize = sampled.stored.iter().map(Hits::bytes).sum();
+            let lamps: usize = sampled.direct.iter().map(Received::bytes).sum();
+            for share in [0.2, 0.5, 0.8] {
+                let room = (share * all as f64) as usize;
+                let [kept, needed] = sampled.chunks_within(room + lamps, &Silent).expect("not interrupted");
+                let taken: usize = sampled.stored[..kept].iter().map(Hits::bytes).sum();
+                let [used, guessed] = [taken as f64 / room as f64, needed as f64 / (all + lamps) as f64];
+                assert!(used > 0.85 && used < 1.1 && (guessed - 1.0).abs() < 0.1, "{share}: {used} {guessed}");
+            }
+        }
+    }
+}
