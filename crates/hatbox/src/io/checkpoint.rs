@@ -260,6 +260,32 @@ mod tests {
         }
     }
 
+    #[derive(Default)]
+    struct Warned(Mutex<Vec<String>>);
+
+    impl Progress for Warned {
+        fn warn(&self, text: &str) {
+            self.0.lock().expect("no panics").push(text.to_owned());
+        }
+    }
+
+    /// Nobody heard of it before.
+    #[test]
+    fn what_cannot_be_kept_is_told_once() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (path, warned) = (folder.path().join("work"), Warned::default());
+        let mut checkpoint = Checkpoint::open(&path, 7, &warned).expect("a new file");
+        checkpoint.keep(0, b"some bytes");
+        assert!(warned.0.lock().expect("no panics").is_empty());
+        // As a disk that is full, it cannot be written to.
+        checkpoint.file = Mutex::new(File::open(&path).expect("the file"));
+        checkpoint.keep(1, b"more");
+        checkpoint.keep(2, b"more");
+        let warned = warned.0.lock().expect("no panics");
+        assert!(warned.len() == 1 && warned[0].contains("no more is kept in `"), "{warned:?}");
+        assert_eq!(open(&path, 7).expect("it goes on").steps(), 1);
+    }
+
     #[test]
     fn bytes_that_changed_are_not_believed_and_other_work_is_refused() {
         let folder = tempfile::tempdir().expect("a folder");
