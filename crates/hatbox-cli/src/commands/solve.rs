@@ -37,13 +37,7 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
     let started = Instant::now();
     // 1. What can be known to fail fails before the work.
     options::set_threads(&args.run)?;
-    check_outputs(&args.scene.path, &args.output)?;
-    for path in &args.output {
-        io::writer_for(path)?;
-    }
-    if let Some(path) = &args.checkpoint {
-        check_checkpoint(path, args)?;
-    }
+    check_files(args)?;
     // 2. The scene.
     let (scene, mut warnings) = io::read_scene(&args.scene.path)?;
     output::warn(&warnings);
@@ -90,6 +84,15 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
         Talk::Summary => output::print(&summary::solve(&args.scene.path, &done, Style::stdout())),
         Talk::Quiet => Ok(()),
     }
+}
+
+/// Makes sure that every output can be written, and that no file destroys another.
+fn check_files(args: &SolveArgs) -> Result<(), Failure> {
+    check_outputs(&args.scene.path, &args.output)?;
+    for path in &args.output {
+        io::writer_for(path)?;
+    }
+    args.checkpoint.as_deref().map_or(Ok(()), |path| check_checkpoint(path, args))
 }
 
 /// Makes sure that the file of finished work, which is removed in the end, is none of the others.
