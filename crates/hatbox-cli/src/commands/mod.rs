@@ -85,15 +85,24 @@ impl Written {
 /// Makes sure that no output is the input, and that none is named twice.
 fn check_outputs(input: &Path, outputs: &[PathBuf]) -> Result<(), Failure> {
     for (k, output) in outputs.iter().enumerate() {
-        if outputs[..k].contains(output) {
+        if outputs[..k].iter().any(|other| same_place(other, output)) {
             let message = format!("the output `{}` is named twice", output.display());
             Cli::command().error(ErrorKind::ArgumentConflict, message).exit();
         }
-        let same = std::fs::canonicalize(input).ok().zip(std::fs::canonicalize(output).ok());
-        if same.is_some_and(|(input, output)| input == output) {
+        if same_place(input, output) {
             let message = format!("{}: writing it would destroy the input", output.display());
             return Err(Failure::with_help(message, "choose another name for the output"));
         }
     }
     Ok(())
+}
+
+/// Whether two paths name the same file, one that there is or one that may be made.
+fn same_place(a: &Path, b: &Path) -> bool {
+    let place = |path: &Path| -> std::io::Result<PathBuf> {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        std::fs::canonicalize(path)
+            .or_else(|_| Ok(std::fs::canonicalize(folder)?.join(path.file_name().unwrap_or_default())))
+    };
+    a == b || place(a).ok().zip(place(b).ok()).is_some_and(|(a, b)| a == b)
 }

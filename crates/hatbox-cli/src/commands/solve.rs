@@ -1,6 +1,6 @@
 //! `hatbox solve`: the radiosity of a scene.
 
-use super::{Talk, Written, check_outputs};
+use super::{Talk, Written, check_outputs, same_place};
 use crate::args::SolveArgs;
 use crate::failure::Failure;
 use crate::progress::Bars;
@@ -97,16 +97,7 @@ fn check_files(args: &SolveArgs) -> Result<(), Failure> {
 
 /// Makes sure that the file of finished work, which is removed in the end, is none of the others.
 fn check_checkpoint(path: &Path, args: &SolveArgs) -> Result<(), Failure> {
-    let place = |path: &Path| {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        std::fs::canonicalize(path)
-            .or_else(|_| Ok(std::fs::canonicalize(folder)?.join(path.file_name().unwrap_or_default())))
-    };
-    let same = |other: &Path| -> bool {
-        let places: [std::io::Result<PathBuf>; 2] = [path, other].map(place);
-        path == other || matches!(places, [Ok(a), Ok(b)] if a == b)
-    };
-    if args.output.iter().any(|output| same(output)) || same(&args.scene.path) {
+    if args.output.iter().chain([&args.scene.path]).any(|other| same_place(path, other)) {
         let message = format!("{}: the checkpoint is removed when the work is done", path.display());
         return Err(Failure::with_help(message, "choose another name for it than those of the scene and of outputs"));
     }

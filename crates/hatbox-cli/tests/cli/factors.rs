@@ -78,6 +78,10 @@ fn the_time_is_told_by_stages() {
 fn too_little_memory_is_said_before_the_work() {
     let folder = Folder::new();
     let report = json(coarse().args(["--memory", "1G", "--json"]));
+    for quiet in [&["--json"][..], &["--json", "--quiet"], &["--quiet"]] {
+        let output = succeed(coarse().args(quiet));
+        assert!(output.stderr.is_empty(), "{quiet:?}: {}", text(&output.stderr));
+    }
     assert_eq!(report["available_bytes"], 1_000_000_000);
     let estimate = report["estimated_bytes"].as_u64().expect("a number");
     assert!(estimate > report["bytes"].as_u64().expect("a number"));

@@ -18,7 +18,7 @@ use super::spots::Spots;
 use crate::element::MAX_DOFS;
 use crate::linalg::Number;
 
-/// So many rays before they are needed coefficients are asked for. Other paint took a sixth less time than with 24, and as much as with
+/// So many rays before they are needed coefficients are asked for. Other paint took a tenth less time than with 24, and as much as with
 /// 128 (`cargo bench -p hatbox --bench scale -- city 1000000 sampled`, with this number changed).
 const AHEAD: usize = 64;
 
