@@ -86,7 +86,10 @@ fn bad_outputs_are_refused_before_the_work() {
     let input = folder.file("scene.glb", std::fs::read(sample("cornell-box.glb")).expect("the sample"));
     fail(&folder, 1, &mut solve(&input, &input), &["scene.glb", "destroy the input"]);
     let twice = folder.path("out.npz");
-    fail(&folder, 2, solve(&scene, &twice).arg("-o").arg(&twice), &["named twice"]);
+    std::fs::create_dir(folder.path("inner")).expect("a folder");
+    for again in [twice.clone(), folder.path("inner/../out.npz")] {
+        fail(&folder, 2, solve(&scene, &twice).arg("-o").arg(&again), &["named twice"]);
+    }
     fail(&folder, 1, hatbox().arg("factors").arg(&scene).args(["-o", "f.glb"]), &["f.glb", ".mtx"]);
 }
 
