@@ -40,6 +40,8 @@ pub(crate) fn pool(threads: Option<usize>) -> PyResult<Arc<ThreadPool>> {
 #[derive(Default)]
 struct Watch {
     stage: Mutex<&'static str>,
+    /// The stages that this one is in, with their steps and those that are done.
+    outer: Mutex<Vec<(&'static str, u64, u64)>>,
     total: AtomicU64,
     done: AtomicU64,
     stop: AtomicBool,
@@ -49,11 +51,15 @@ struct Watch {
 
 impl Progress for Watch {
     fn begin(&self, stage: &'static str, total: u64) {
-        if let Ok(mut current) = self.stage.lock() {
-            *current = stage;
+        if let Ok(mut outer) = self.outer.lock() {
+            outer.push(self.change((stage, total, 0)));
         }
-        self.total.store(total, Ordering::Relaxed);
-        self.done.store(0, Ordering::Relaxed);
+    }
+
+    fn end(&self) {
+        if let Some(outer) = self.outer.lock().ok().and_then(|mut outer| outer.pop()) {
+            self.change(outer);
+        }
     }
 
     fn advance(&self, steps: u64) {
@@ -72,6 +78,12 @@ impl Progress for Watch {
 }
 
 impl Watch {
+    /// Goes to a stage, its steps and those that are done; where the work was.
+    fn change(&self, (stage, total, done): (&'static str, u64, u64)) -> (&'static str, u64, u64) {
+        let old = self.stage.lock().map_or("", |mut current| std::mem::replace(&mut *current, stage));
+        (old, self.total.swap(total, Ordering::Relaxed), self.done.swap(done, Ordering::Relaxed))
+    }
+
     /// Tells `reporter(stage, done, total)` where the work is.
     fn report(&self, reporter: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let Some(reporter) = reporter else { return Ok(()) };

@@ -18,7 +18,7 @@ const PART: f64 = 0.1;
 /// its beginning.
 const TELLING: Duration = Duration::from_secs(2);
 
-/// The stage that work is in, with the time that it is expected to take.
+/// The stage that work is in, with the time that it is expected to take; of stages within others, the innermost.
 pub(crate) struct Bars {
     shows: bool,
     /// Time from line to line at the least, where there is no terminal.
@@ -28,7 +28,7 @@ pub(crate) struct Bars {
     started: Instant,
     /// Milliseconds after the start when the next line is due.
     due: AtomicU64,
-    stage: RwLock<Option<Stage>>,
+    stages: RwLock<Vec<Stage>>,
     warned: Mutex<Vec<String>>,
 }
 
@@ -47,8 +47,8 @@ impl Bars {
 
     fn with(shows: bool, pause: Option<Duration>, telling: Duration, say: fn(&str)) -> Self {
         let due = AtomicU64::new(pause.map_or(u64::MAX, |pause| pause.as_millis() as u64));
-        let (stage, warned) = (RwLock::default(), Mutex::default());
-        Self { shows, pause, telling, say, started: Instant::now(), due, stage, warned }
+        let (stages, warned) = (RwLock::default(), Mutex::default());
+        Self { shows, pause, telling, say, started: Instant::now(), due, stages, warned }
     }
 
     /// What has been warned of.
@@ -56,12 +56,10 @@ impl Bars {
         self.warned.lock().map_or_else(|_| Vec::new(), |warned| warned.clone())
     }
 
-    fn replace(&self, stage: Option<Stage>) {
-        if let Ok(mut current) = self.stage.write()
-            && let Some(old) = std::mem::replace(&mut *current, stage)
-        {
-            old.bar.finish_and_clear();
-        }
+    /// Where the bar of the innermost stage is drawn.
+    fn target(&self) -> ProgressDrawTarget {
+        let drawn = self.shows && self.pause.is_none();
+        if drawn { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() }
     }
 
     /// Whether a line is due when so much time has passed, to one of those who ask.
@@ -76,17 +74,21 @@ impl Bars {
 impl Progress for Bars {
     fn begin(&self, stage: &'static str, total: u64) {
         let bar = if stage == COUNTED { ProgressBar::no_length() } else { ProgressBar::new(total) };
-        let drawn = self.shows && self.pause.is_none();
-        bar.set_draw_target(if drawn { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() });
+        bar.set_draw_target(self.target());
         bar.set_style(look(stage));
         bar.set_message(stage);
         bar.enable_steady_tick(Duration::from_millis(100));
-        self.replace(Some(Stage { bar, began: Instant::now(), from: Mutex::default() }));
+        if let Ok(mut stages) = self.stages.write() {
+            if let Some(outer) = stages.last() {
+                outer.bar.set_draw_target(ProgressDrawTarget::hidden());
+            }
+            stages.push(Stage { bar, began: Instant::now(), from: Mutex::default() });
+        }
     }
 
     fn advance(&self, steps: u64) {
-        if let Ok(stage) = self.stage.read()
-            && let Some(stage) = &*stage
+        if let Ok(stages) = self.stages.read()
+            && let Some(stage) = stages.last()
         {
             stage.bar.inc(steps);
             if self.pause.is_some()
@@ -99,12 +101,19 @@ impl Progress for Bars {
     }
 
     fn end(&self) {
-        self.replace(None);
+        if let Ok(mut stages) = self.stages.write() {
+            if let Some(stage) = stages.pop() {
+                stage.bar.finish_and_clear();
+            }
+            if let Some(outer) = stages.last() {
+                outer.bar.set_draw_target(self.target());
+            }
+        }
     }
 
     fn warn(&self, text: &str) {
         let warning = [text.to_owned()];
-        match self.stage.read().as_deref() {
+        match self.stages.read().as_ref().map(|stages| stages.last()) {
             Ok(Some(stage)) => stage.bar.suspend(|| output::warn(&warning)),
             _ => output::warn(&warning),
         }
@@ -168,6 +177,26 @@ mod tests {
         let [rays, solving] = &said[..] else { panic!("{said:?}") };
         assert!(rays.starts_with("casting rays: 25 %, about ") && rays.ends_with(" left"), "{rays}");
         assert_eq!(solving, "solving: iteration 3");
+    }
+
+    /// Rays that are cast again while the equation is solved: iterations were counted no more after the first.
+    #[test]
+    fn a_stage_goes_on_after_one_within_it() {
+        let bars = Bars::with(false, None, Duration::ZERO, |_| ());
+        let current = || {
+            let stages = bars.stages.read().expect("no panics");
+            stages.last().map(|stage| (stage.bar.message(), stage.bar.position()))
+        };
+        bars.begin(COUNTED, 1000);
+        bars.advance(2);
+        bars.begin("casting rays again", 50);
+        bars.advance(7);
+        assert_eq!(current(), Some(("casting rays again".to_owned(), 7)));
+        bars.end();
+        bars.advance(1);
+        assert_eq!(current(), Some((COUNTED.to_owned(), 3)));
+        bars.end();
+        assert_eq!(current(), None);
     }
 
     #[test]

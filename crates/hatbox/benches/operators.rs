@@ -113,7 +113,7 @@ fn run(scene: &hatbox::scene::Scene, options: &Options) -> Made {
     let system = System::build(scene, options, &Silent).expect("built");
     let solved = system.solved(options, &Silent).expect("solved");
     let seconds = cpu_seconds() - started;
-    let estimate = system.operator_error(&solved.solution);
+    let estimate = system.operator_error(&solved.solution, &Silent).expect("not interrupted");
     Made { system, solved, seconds, estimate }
 }
 

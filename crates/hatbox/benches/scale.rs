@@ -102,7 +102,8 @@ fn run(name: &str, elements: usize, kind: &str, tolerance: f64) {
     let solved = system.solved(&options, &Silent).expect("solved");
     let (solve, cpu) = (solved.solver_time.as_secs_f64(), cpu_seconds() - cpu);
     let check = started.elapsed().as_secs_f64() - build - solve;
-    let (noise, peak) = (system.operator_error(&solved.solution), peak_megabytes());
+    let (noise, peak) = (system.operator_error(&solved.solution, &Silent), peak_megabytes());
+    let noise = noise.expect("not interrupted");
     // Seconds and passes, or dashes.
     let mut again = |change: &dyn Fn(usize, &Material) -> Material| {
         if elements > MOST_CHECKED {

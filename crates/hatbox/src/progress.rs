@@ -7,7 +7,7 @@
 #[error("interrupted")]
 pub struct Interrupted;
 
-/// A listener to long work. Methods are called from many threads.
+/// A listener to long work. Methods are called from many threads; a stage may begin and end within another.
 pub trait Progress: Sync {
     /// A stage of `total` steps begins.
     fn begin(&self, _stage: &'static str, _total: u64) {}
@@ -17,7 +17,7 @@ pub trait Progress: Sync {
     fn end(&self) {}
     /// Something that does not stop the work, but that whoever waits for it wants to know at once.
     fn warn(&self, _text: &str) {}
-    /// Whether the work should stop as soon as it can.
+    /// Whether the work should stop as soon as it can; once it should, it should for good.
     fn interrupted(&self) -> bool {
         false
     }

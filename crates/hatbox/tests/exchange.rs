@@ -61,7 +61,7 @@ fn constants_come_back_exactly_in_a_closed_scene() {
             let system = system(&room(0.5, [0.0, 1.0]), kind, basis, &strengths);
             assert_eq!(system.exchange.closure.escape, 0.0, "{}", kind.name);
             assert!(system.exchange.closure.balanced, "{} {}", kind.name, basis.name);
-            let norm = system.operator_norm();
+            let norm = system.operator_norm(&Silent).expect("not interrupted");
             assert!((norm - 1.0).abs() < TOLERANCE, "{} {}: norm {norm}", kind.name, basis.name);
         }
     });
@@ -158,8 +158,7 @@ fn an_operator_that_is_handed_the_joints_applies_the_same() {
             let x = MultiVector::from_fn(c.cols(), 2, |row, band| ((row + 1) as f64 * (0.3 + band as f64)).sin());
             let transpose = c.transpose();
             let expected = transpose.times(&system.exchange.times(&c.times(&x)));
-            let mut found = MultiVector::uniform(c.cols(), &[7.0; 2]);
-            system.exchange.apply_joined(c, &transpose, &x, &mut found);
+            let found = system.exchange.times_joined([c, &transpose], &x, &Silent).expect("not interrupted");
             let scale = expected.norms()[0];
             let off = found.as_slice().iter().zip(expected.as_slice()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(off < 1e-13 * scale, "{} {} {memory}: {off}", kind.name, basis.name);
@@ -408,7 +407,10 @@ fn operator_errors(scene: &Scene, rough: &Options, better: &Options) -> [f64; 2]
         difference.add_scaled(-1.0, from);
         difference.dot(&mass.times(&difference))[0].sqrt()
     };
-    [distance(&coarse.radiosity) / distance(&emitted), system.operator_error(&coarse)]
+    [
+        distance(&coarse.radiosity) / distance(&emitted),
+        system.operator_error(&coarse, &Silent).expect("not interrupted"),
+    ]
 }
 
 /// What errors of pairs say of the light is not less than what comes of it, and little more than ten times as much: in an
@@ -554,6 +556,6 @@ fn the_spread_estimates_the_error() {
     difference.add_scaled(-1.0, &fine.irradiance);
     let square = |x: &MultiVector| x.dot(&mass.times(x))[0];
     let truth = (square(&difference) / square(&fine.irradiance)).sqrt();
-    let estimate = system.operator_error(&coarse.solution);
+    let estimate = system.operator_error(&coarse.solution, &Silent).expect("not interrupted");
     assert!(estimate > 0.2 * truth && estimate < 5.0 * truth, "{estimate} {truth}");
 }

@@ -112,7 +112,7 @@ fn borders_of_shadows_within_elements_are_seen_by_rays() {
         let options = Options { operator, refinement, tolerance, error_points, ..Options::default() };
         let system = System::build(&terrain, &options, &Silent).expect("built");
         let solution = system.solved(&options, &Silent).expect("solved").solution;
-        let estimate = system.operator_error(&solution);
+        let estimate = system.operator_error(&solution, &Silent).expect("not interrupted");
         (solution, estimate)
     };
     let (exact, _) = solved(exchange::Dense::NAME, 1e-3);

@@ -6,10 +6,14 @@ mod meshes;
 use glam::DVec3;
 use hatbox::element::ALL as BASES;
 use hatbox::exchange::{self, Exchange, Kind, Statistics};
+use hatbox::failure;
 use hatbox::mesh::{Mesh, Refinement};
-use hatbox::progress::Silent;
+use hatbox::progress::{Progress, Silent};
 use hatbox::radiosity::{Options, System, solve};
 use hatbox::scene::{Material, Physics, Quantity, Scene};
+use hatbox::solve::Kind as Solver;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A closed room, of which no ray is lost, with a lamp, and open ground, of which all are, one after the other.
 fn scene(ground_first: bool) -> Scene {
@@ -51,6 +55,64 @@ fn memory_does_not_change_a_bit() {
         [exchange::MEMORY, 1].map(|memory| solve(&scene, &options(2000, memory), &Silent).expect("solved"));
     assert_eq!(stored.solution.radiosity, recast.solution.radiosity);
     assert!(recast.operator.bytes < stored.operator.bytes);
+}
+
+/// What work says of its stages. It asks it to stop after having been asked so many times whether it should.
+#[derive(Default)]
+struct Listener {
+    patience: Option<u64>,
+    asked: AtomicU64,
+    /// Stages in the order in which they begin: their names, steps, and steps that are done.
+    stages: Mutex<Vec<(&'static str, u64, u64)>>,
+    /// Those that have not ended.
+    open: Mutex<Vec<usize>>,
+}
+
+impl Progress for Listener {
+    fn begin(&self, stage: &'static str, total: u64) {
+        let mut stages = self.stages.lock().expect("no panics");
+        self.open.lock().expect("no panics").push(stages.len());
+        stages.push((stage, total, 0));
+    }
+
+    fn advance(&self, steps: u64) {
+        let innermost = *self.open.lock().expect("no panics").last().expect("a stage");
+        self.stages.lock().expect("no panics")[innermost].2 += steps;
+    }
+
+    fn end(&self) {
+        self.open.lock().expect("no panics").pop().expect("a stage");
+    }
+
+    fn interrupted(&self) -> bool {
+        let asked = self.asked.fetch_add(1, Ordering::Relaxed);
+        self.patience.is_some_and(|patience| asked >= patience)
+    }
+}
+
+/// Each product took as long as casting the rays, in silence, and went on to its end.
+#[test]
+fn work_whose_rays_are_cast_again_tells_where_it_is_and_stops_at_any_time() {
+    let scene = scene(false);
+    for solver in [None, Some(Solver::Neumann)] {
+        let options = Options { error_points: 64, solver, ..options(2000, 1) };
+        let listener = Listener::default();
+        let solved = solve(&scene, &options, &listener).expect("solved");
+        assert_eq!(solved.operator.recast, 1.0);
+        assert!(listener.open.into_inner().expect("no panics").is_empty(), "what begins ends");
+        let stages = listener.stages.into_inner().expect("no panics");
+        let again = stages.iter().filter(|(name, ..)| *name == "casting rays again");
+        assert!(again.clone().count() > solved.info.iterations);
+        for stage in again {
+            assert_eq!((stage.1, stage.2), (solved.solution.space.cells() as u64, stage.1));
+        }
+        let asked = listener.asked.into_inner();
+        for part in 1..20 {
+            let patience = Some(asked * part / 20);
+            let stopped = solve(&scene, &options, &Listener { patience, ..Listener::default() }).map(drop);
+            assert_eq!(failure::Failure::from(stopped.expect_err("stopped")), failure::Failure::Interrupted, "{part}");
+        }
+    }
 }
 
 /// Rays that are lost take no room. Cells stand in the order of the file, so that the first may have all of them, or none.

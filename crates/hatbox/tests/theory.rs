@@ -84,7 +84,9 @@ fn what_goes_to_and_fro_is_balanced() {
     let closed = Escape { fraction: 0.0, scatter: 0.0, open: Vec::new() };
     let (panels, blockers) = (OnceLock::new(), Arc::new(Bvh::of_surfaces(&scene.surfaces)));
     let geometry = Geometry::new(&scene, &space, &blockers, &panels);
-    let balanced = Balanced::new(Box::new(Scaled { exchange, factors }), &geometry, [&mass, &inverse], &closed);
+    let balanced =
+        Balanced::new(Box::new(Scaled { exchange, factors }), &geometry, [&mass, &inverse], &closed, &Silent)
+            .expect("not interrupted");
     let closure = balanced.closure;
     assert!(closure.deficit > 0.01 && closure.balanced, "{closure:?}");
     let ones = MultiVector::uniform(cells, &[1.0]);

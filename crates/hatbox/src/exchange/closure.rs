@@ -113,17 +113,22 @@ impl Scaling {
 
 impl Balanced {
     /// Scales S to exact row sums on cells that are enclosed, if the deficit is small; otherwise leaves it as it is.
+    ///
+    /// # Errors
+    /// [`Interrupted`].
     pub fn new(
         exchange: Box<dyn Exchange>,
         geometry: &Geometry<'_>,
         masses: [&BlockDiagonal; 2],
         escape: &Escape,
-    ) -> Self {
+        progress: &dyn Progress,
+    ) -> Result<Self, Interrupted> {
         let (space, covered, enclosed) = (geometry.space, geometry.covered(), enclosed(&*exchange, geometry, escape));
         let [open, closed] = [false, true].map(|is| runs(space, |cell| enclosed[cell] == is));
         let ones = MultiVector::uniform(space.broken_dofs(), &[1.0]);
         let hidden = runs(space, |cell| covered[cell]);
-        let rows = Rows { target: without(&masses[0].times(&ones), &hidden), sums: exchange.times(&ones) };
+        let sums = exchange.times_watched(&ones, progress)?;
+        let rows = Rows { target: without(&masses[0].times(&ones), &hidden), sums };
         let closure = Closure {
             escape: escape.fraction,
             covered: share(geometry, covered),
@@ -143,7 +148,12 @@ impl Balanced {
             let rows = rows.without(&balanced.open);
             balanced.balance(geometry.scene, space, masses, &rows);
         }
-        balanced
+        Ok(balanced)
+    }
+
+    /// Whether S is applied as it was built.
+    fn is_as_built(&self) -> bool {
+        self.scaling.is_none() && self.factor.is_none()
     }
 
     /// Newton's method for Dᵀ S D 1 = Δ 1: since S 1 ≈ Δ 1 for the S that is scaled so far, the derivative is Δ + S.
@@ -270,15 +280,25 @@ impl Exchange for Balanced {
         self.exchange.steady_noise(x)
     }
 
-    fn spread(&self, x: &MultiVector) -> Option<MultiVector> {
-        self.exchange.spread(x)
+    fn spread(&self, x: &MultiVector, progress: &dyn Progress) -> Result<Option<MultiVector>, Interrupted> {
+        self.exchange.spread(x, progress)
     }
 
-    fn apply_joined(&self, c: &Csr, transpose: &Csr, x: &MultiVector, y: &mut MultiVector) {
-        if self.scaling.is_none() && self.factor.is_none() {
-            self.exchange.apply_joined(c, transpose, x, y);
+    // Those that are sampled are not scaled.
+    fn times_watched(&self, x: &MultiVector, progress: &dyn Progress) -> Result<MultiVector, Interrupted> {
+        if self.is_as_built() { self.exchange.times_watched(x, progress) } else { Ok(self.times(x)) }
+    }
+
+    fn times_joined(
+        &self,
+        [c, transpose]: [&Csr; 2],
+        x: &MultiVector,
+        progress: &dyn Progress,
+    ) -> Result<MultiVector, Interrupted> {
+        if self.is_as_built() {
+            self.exchange.times_joined([c, transpose], x, progress)
         } else {
-            *y = super::joined(self, [c, transpose], x);
+            Ok(transpose.times(&self.times(&c.times(x))))
         }
     }
 

@@ -99,13 +99,32 @@ pub trait Exchange: LinearOperator + Send {
 
     /// Half the difference of S x as two independent halves of the samples have it: a sample of the error of S x.
     /// `None` where nothing is sampled.
-    fn spread(&self, _x: &MultiVector) -> Option<MultiVector> {
-        None
+    ///
+    /// # Errors
+    /// [`Interrupted`].
+    fn spread(&self, _x: &MultiVector, _progress: &dyn Progress) -> Result<Option<MultiVector>, Interrupted> {
+        Ok(None)
     }
 
-    /// y = Cᵀ S C x, where C (and its transpose) joins what S knows as broken; what `y` held before does not matter.
-    fn apply_joined(&self, c: &Csr, transpose: &Csr, x: &MultiVector, y: &mut MultiVector) {
-        *y = joined(self, [c, transpose], x);
+    /// S x. Where that takes long, since rays are cast again, `progress` hears of it.
+    ///
+    /// # Errors
+    /// [`Interrupted`].
+    fn times_watched(&self, x: &MultiVector, _progress: &dyn Progress) -> Result<MultiVector, Interrupted> {
+        Ok(self.times(x))
+    }
+
+    /// Cᵀ S C x, where C (and its transpose, the second) joins what S knows as broken; watched as well.
+    ///
+    /// # Errors
+    /// [`Interrupted`].
+    fn times_joined(
+        &self,
+        [c, transpose]: [&Csr; 2],
+        x: &MultiVector,
+        progress: &dyn Progress,
+    ) -> Result<MultiVector, Interrupted> {
+        Ok(transpose.times(&self.times_watched(&c.times(x), progress)?))
     }
 
     /// For each cell the estimated error of its irradiance, relative to the mean radiosity: that of the scene that the operator
@@ -119,11 +138,6 @@ pub trait Exchange: LinearOperator + Send {
     fn irradiance(&self, _cell: usize, _at: [f64; 2], _x: &MultiVector, _seed: u64) -> Option<Vec<f64>> {
         None
     }
-}
-
-/// Cᵀ S C x, one after the other.
-fn joined<S: LinearOperator + ?Sized>(s: &S, [c, transpose]: [&Csr; 2], x: &MultiVector) -> MultiVector {
-    transpose.times(&s.times(&c.times(x)))
 }
 
 /// How an operator is to be built.

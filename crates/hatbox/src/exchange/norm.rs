@@ -8,15 +8,20 @@
 
 use super::Exchange;
 use crate::linalg::{LinearOperator, MultiVector, dot};
+use crate::progress::{Interrupted, Progress};
 use crate::quadrature::sequence::{hash, unit};
 
 /// The greatest gain ‖Δ⁻¹S x‖/‖x‖, in the norm of Δ, over a Krylov space of that many steps: a lower bound of the norm.
+///
+/// # Errors
+/// [`Interrupted`].
 pub fn norm(
     exchange: &dyn Exchange,
     mass: &dyn LinearOperator,
     mass_inverse: &dyn LinearOperator,
     steps: usize,
-) -> f64 {
+    progress: &dyn Progress,
+) -> Result<f64, Interrupted> {
     // Smooth, so that it is close to the greatest; not quite, so that no eigenvector is left out.
     let noise = |row: usize| unit(hash(0x006e_6f72, row as u64));
     let start = MultiVector::from_fn(exchange.rows(), 1, |row, _| 1.0 + 0.2 * (noise(row) - 0.5));
@@ -31,12 +36,12 @@ pub fn norm(
             column.push(length);
         }
         if columns.len() == steps || length <= 1e-12 {
-            return greatest_singular_value(&columns);
+            return Ok(greatest_singular_value(&columns));
         }
         for entry in next.as_mut_slice().iter_mut().chain(weighted.as_mut_slice()) {
             *entry /= length;
         }
-        let mut image = mass_inverse.times(&exchange.times(&next));
+        let mut image = mass_inverse.times(&exchange.times_watched(&next, progress)?);
         basis.push((next, weighted));
         let mut column = Vec::with_capacity(basis.len() + 1);
         for (vector, weighted) in &basis {

@@ -5,7 +5,8 @@
 //! overwritten. A run that goes on takes the steps that are there and does the others: the result is the same, bit for
 //! bit, because steps depend on nothing but the input.
 //!
-//! Stages are told apart by their number in the order in which they begin, which the input decides too.
+//! Stages are told apart by their names, and those of one name by their number in the order in which they begin, which the input
+//! decides too: how often rays are cast again is decided by memory.
 
 use super::atomic::AtomicError;
 use crate::progress::Progress;
@@ -20,7 +21,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// The first bytes of such a file; its format has a number.
-const MAGIC: [u8; 8] = *b"hatbox\0\x06";
+const MAGIC: [u8; 8] = *b"hatbox\0\x07";
 /// Bytes of the header, and of what precedes the bytes of a step.
 const HEADER: usize = 16;
 const RECORD: usize = 32;
@@ -46,8 +47,9 @@ pub struct Checkpoint<P> {
     /// The file, and where the bytes of each step of each stage lie in it.
     file: Mutex<File>,
     known: HashMap<[u64; 2], (u64, usize)>,
-    /// Number of stages that have begun.
+    /// The stage that began last, and how many of each name have begun.
     stage: AtomicU64,
+    begun: Mutex<HashMap<&'static str, u64>>,
     /// Whether something could not be kept, as where a disk is full.
     failed: AtomicBool,
 }
@@ -81,6 +83,7 @@ impl<P: Progress> Checkpoint<P> {
             file: Mutex::new(file),
             known,
             stage: AtomicU64::new(0),
+            begun: Mutex::default(),
             failed: AtomicBool::new(false),
         })
     }
@@ -104,7 +107,11 @@ impl<P: Progress> Checkpoint<P> {
 
 impl<P: Progress> Progress for Checkpoint<P> {
     fn begin(&self, stage: &'static str, total: u64) {
-        self.stage.fetch_add(1, Ordering::Relaxed);
+        if let Ok(mut begun) = self.begun.lock() {
+            let number = begun.entry(stage).or_default();
+            *number += 1;
+            self.stage.store(digest(*number, stage.as_bytes()), Ordering::Relaxed);
+        }
         self.listener.begin(stage, total);
     }
 

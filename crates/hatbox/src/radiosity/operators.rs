@@ -3,7 +3,7 @@
 use super::products::Product;
 use crate::exchange::Exchange;
 use crate::linalg::{BlockDiagonal, Csr, Diagonal, LinearOperator, MultiVector, each};
-use crate::progress::Silent;
+use crate::progress::{Interrupted, Progress, Silent};
 use crate::solve::{Params, Scaled, cg, chebyshev};
 use crate::space::FunctionSpace;
 use rayon::prelude::*;
@@ -197,6 +197,8 @@ pub(super) struct Arriving<'a> {
     pub(super) exchange: &'a dyn Exchange,
     /// Whether it is collected: tested with the joined functions instead of the broken ones.
     pub(super) collected: bool,
+    /// Hears of products that take long. Of one that it interrupts nothing arrives: whoever asked has to look.
+    pub(super) progress: &'a dyn Progress,
 }
 
 impl LinearOperator for Arriving<'_> {
@@ -208,10 +210,14 @@ impl LinearOperator for Arriving<'_> {
         self.join.unknowns(self.exchange.cols())
     }
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        match &self.join.matrices {
-            Some([c, transpose, _]) if self.collected => self.exchange.apply_joined(c, transpose, x, y),
-            _ => self.exchange.apply(&self.join.spread(Cow::Borrowed(x)), y),
-        }
+        *y = self.times(x);
+    }
+    fn times(&self, x: &MultiVector) -> MultiVector {
+        let arriving = match &self.join.matrices {
+            Some([c, transpose, _]) if self.collected => self.exchange.times_joined([c, transpose], x, self.progress),
+            _ => self.exchange.times_watched(&self.join.spread(Cow::Borrowed(x)), self.progress),
+        };
+        arriving.unwrap_or_else(|Interrupted| MultiVector::zeros(self.rows(), x.bands()))
     }
 }
 

@@ -135,7 +135,7 @@ pub fn estimate_error(
         if leaving > 0.0 { -emitted / leaving } else { -1.0 }
     };
     let whole = measure.norms_within(&solution.radiosity);
-    let spread = system.operator_spread(solution);
+    let spread = system.operator_spread(solution, progress)?;
     let doubt = measure.doubt(&spread, progress)?;
     let spread = measure.norms_within(&spread);
     let bends = measure.bends();

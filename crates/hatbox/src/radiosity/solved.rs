@@ -263,7 +263,7 @@ impl System {
             closure: self.exchange.closure,
             operator_kind: self.exchange.kind(),
             operator_reason: self.operator_reason.clone(),
-            operator_norm: self.operator_norm(),
+            operator_norm: self.operator_norm(progress).map_err(SolveError::from)?,
             operator_time: self.operator_time,
             solver: kind,
             info,

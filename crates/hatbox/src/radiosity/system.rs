@@ -12,7 +12,7 @@ use super::{Energy, Error, Gather, Solution};
 use crate::assemble::{Accuracy, Block, Panel, load, mass, weighted_mass};
 use crate::exchange::{self, Balanced, Escape, Exchange, ExchangeError, Geometry, Panorama};
 use crate::linalg::{BlockDiagonal, LinearOperator, MultiVector};
-use crate::progress::Progress;
+use crate::progress::{Interrupted, Progress};
 use crate::scene::{Material, Scene};
 use crate::solve::{self, Info, SolveError};
 use crate::space::FunctionSpace;
@@ -53,6 +53,11 @@ fn greatest_reflectance(scene: &Scene) -> f64 {
     (0..scene.mesh.cells.len()).map(of).fold(0.0, f64::max)
 }
 
+/// A product that was interrupted is nothing, and so is what a solver has made of it, be it an error.
+fn unless_interrupted<T>(found: Result<T, SolveError>, progress: &dyn Progress) -> Result<T, SolveError> {
+    if progress.interrupted() { Err(Interrupted.into()) } else { found }
+}
+
 /// S, balanced, and why it is of that kind, if it was chosen.
 fn operator(
     geometry: &Geometry<'_>,
@@ -68,7 +73,7 @@ fn operator(
         Some(fraction) => Escape { fraction, scatter: f64::INFINITY, open: Vec::new() },
         None => exchange::escape(geometry, params.seed, progress)?,
     };
-    Ok((Balanced::new(exchange, geometry, [mass, mass_inverse], &escape), reason))
+    Ok((Balanced::new(exchange, geometry, [mass, mass_inverse], &escape, progress)?, reason))
 }
 
 /// What does not depend on the light: a space on a scene, its mass matrix and its exchange operator.
@@ -195,9 +200,12 @@ impl System {
     }
 
     /// ‖Δ^-½ S Δ^-½‖ from below, by a few steps of Arnoldi's method.
-    pub fn operator_norm(&self) -> f64 {
+    ///
+    /// # Errors
+    /// [`Interrupted`].
+    pub fn operator_norm(&self, progress: &dyn Progress) -> Result<f64, Interrupted> {
         let steps = NORM_STEPS[usize::from(!self.exchange.is_symmetric())];
-        exchange::norm(&*self.exchange, &self.mass, &self.mass_inverse, steps)
+        exchange::norm(&*self.exchange, &self.mass, &self.mass_inverse, steps, progress)
     }
 
     /// How far the solver should go, and how long it may take: to the last digits where they cost little; to a twentieth
@@ -220,11 +228,15 @@ impl System {
 
     /// The relative L2 error of the reflected light that the operator makes, the worst band's: the norm of
     /// [`operator_spread`](Self::operator_spread).
-    pub fn operator_error(&self, solution: &Solution) -> f64 {
+    ///
+    /// # Errors
+    /// [`Interrupted`].
+    pub fn operator_error(&self, solution: &Solution, progress: &dyn Progress) -> Result<f64, Interrupted> {
         let norms = |x: &MultiVector| x.dot(&self.mass.times(x));
         let relative = |(error, norm): (f64, f64)| if norm == 0.0 { 0.0 } else { (error / norm).sqrt() };
         let light = norms(&self.reflected(solution));
-        norms(&self.operator_spread(solution)).into_iter().zip(light).map(relative).fold(0.0, greater)
+        let errors = norms(&self.operator_spread(solution, progress)?);
+        Ok(errors.into_iter().zip(light).map(relative).fold(0.0, greater))
     }
 
     /// A function as large as the error of the reflected light that the operator makes, in the broken space.
@@ -232,13 +244,16 @@ impl System {
     /// Where the operator is sampled, it is what two halves of its samples differ by. Else the errors of pairs are known,
     /// and taken to be independent: the irradiance of a cell errs by the root of the sum of their squares, each as strong as
     /// the light that it concerns. What errors cause by reflection is not in it; it is less, since they average out.
-    pub fn operator_spread(&self, solution: &Solution) -> MultiVector {
-        let irradiance = match (self.exchange.spread(&solution.radiosity), self.exchange.row_errors()) {
+    ///
+    /// # Errors
+    /// [`Interrupted`].
+    pub fn operator_spread(&self, solution: &Solution, progress: &dyn Progress) -> Result<MultiVector, Interrupted> {
+        let irradiance = match (self.exchange.spread(&solution.radiosity, progress)?, self.exchange.row_errors()) {
             (Some(spread), _) => self.irradiance_of(spread),
             (None, Some(errors)) => self.of_row_errors(errors, solution),
             (None, None) => MultiVector::zeros(solution.radiosity.rows(), solution.bands()),
         };
-        self.mass_inverse.times(&self.weighted_mass().times(&irradiance))
+        Ok(self.mass_inverse.times(&self.weighted_mass().times(&irradiance)))
     }
 
     /// The errors of rows, constant on each cell and relative to the mean radiosity.
@@ -278,8 +293,9 @@ impl System {
         if self.exchange.is_symmetric() || kind == solve::Kind::Neumann {
             return Ok(self.solve_for(self.load(), kind, params, progress)?);
         }
-        let (solution, info, products) =
-            self.solve_reflected(self.emission().clone(), &self.known, self.most_products(), params, progress)?;
+        let (emission, bytes) = (self.emission().clone(), self.most_products());
+        let found = self.solve_reflected(emission, &self.known, bytes, params, progress);
+        let (solution, info, products) = unless_interrupted(found, progress)?;
         if params.tolerance >= FARTHEST {
             self.found.get_or_init(|| products);
         }
@@ -302,13 +318,14 @@ impl System {
         params: &solve::Params,
         progress: &dyn Progress,
     ) -> Result<(Solution, Info), SolveError> {
-        match (kind, self.root_reflectance()) {
+        let found = match (kind, self.root_reflectance()) {
             (solve::Kind::Cg, Some(root)) => self.solve_symmetric(load, &root, params, progress),
             (solve::Kind::Neumann, _) => self.solve_by_bounces(load, params, progress),
             _ => self
                 .solve_reflected(self.emission_of(load), &Products::default(), 0, params, progress)
                 .map(|(solution, info, _)| (solution, info)),
-        }
+        };
+        unless_interrupted(found, progress)
     }
 
     /// Whether all that is asked of what arrives are its integrals against the joined functions: R does not vary on what is
@@ -324,9 +341,9 @@ impl System {
     }
 
     /// The solution whose radiosity has these broken coefficients.
-    fn solution(&self, radiosity: MultiVector) -> Solution {
-        let arrived = self.exchange.times(&radiosity);
-        self.solution_of(radiosity, arrived, false).0
+    fn solution(&self, radiosity: MultiVector, progress: &dyn Progress) -> Result<Solution, Interrupted> {
+        let arrived = self.exchange.times_watched(&radiosity, progress)?;
+        Ok(self.solution_of(radiosity, arrived, false).0)
     }
 
     /// The same, if `arrived` is S of it, or that collected. What a sampled operator has from lamps alone is not averaged
@@ -457,7 +474,7 @@ impl System {
             return Ok(emission.clone());
         }
         let params = solve::Params { tolerance: 1e-3, ..Default::default() };
-        let mut once = self.reflected(&self.solution(emission.clone()));
+        let mut once = self.reflected(&self.solution(emission.clone(), progress)?);
         let (again, _) = self.solve_for(&self.mass.times(&once), self.best_solver(), &params, progress)?;
         once.add_scaled(1.0, &self.reflected(&again));
         Ok(once)

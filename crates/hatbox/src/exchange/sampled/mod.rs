@@ -49,7 +49,7 @@ use crate::element::Element;
 use crate::kernel::Frame;
 use crate::linalg::{Csr, LinearOperator, MultiVector};
 use crate::mesh::Cell;
-use crate::progress::{Interrupted, Progress};
+use crate::progress::{Interrupted, Progress, Silent};
 use crate::quadrature::sequence::{hash, point, unit};
 pub(super) use cells::Cells;
 use cells::Locator;
@@ -193,7 +193,7 @@ impl Sampled {
             Self { cells, tracer, lamps, links, linked, tables, rays, stored, direct, escape: 0.0, statistics, digest };
         let needed = sampled.cast(params.memory, progress)?;
         sampled.keep_within(params.memory, needed, progress);
-        sampled.statistics.visibility_error = sampled.measured_error();
+        sampled.statistics.visibility_error = sampled.measured_error(progress)?;
         Ok(sampled)
     }
 
@@ -329,23 +329,20 @@ impl Sampled {
     }
 
     /// S x as each half of the rays has it.
-    fn halves(&self, x: &MultiVector) -> [MultiVector; 2] {
-        [Take::FirstHalf, Take::SecondHalf].map(|take| {
-            let mut y = MultiVector::zeros(self.rows(), x.bands());
-            self.apply_with(x, &mut y, take);
-            y
-        })
+    fn halves(&self, x: &MultiVector, progress: &dyn Progress) -> Result<[MultiVector; 2], Interrupted> {
+        let half = |take| self.times_with(x, take, progress);
+        Ok([half(Take::FirstHalf)?, half(Take::SecondHalf)?])
     }
 
     /// The relative error of the mean irradiance of cells, from the two halves of the rays, if every face of the input
     /// shines with a strength of its own between 0 and 2.
-    fn measured_error(&self) -> f64 {
+    fn measured_error(&self, progress: &dyn Progress) -> Result<f64, Interrupted> {
         let mut x = MultiVector::zeros(self.rows(), 1);
         for cell in 0..self.cells.len() {
             let strength = 2.0 * unit(hash(0x6661_6365, u64::from(self.cells.surface(cell))));
             x.band_mut(0)[self.cells.range(cell)].fill(strength);
         }
-        let [mut first, second] = self.halves(&x);
+        let [mut first, second] = self.halves(&x, progress)?;
         let square = |v: &MultiVector| -> f64 {
             let of = |cell: usize| v.band(0)[self.cells.range(cell)].iter().sum::<f64>().powi(2);
             (0..self.cells.len()).map(|cell| of(cell) / self.cells.area(cell)).sum()
@@ -353,7 +350,7 @@ impl Sampled {
         first.add_scaled(1.0, &second);
         let norm = square(&first);
         first.add_scaled(-2.0, &second);
-        if norm > 0.0 { (square(&first) / norm).sqrt() } else { 0.0 }
+        Ok(if norm > 0.0 { (square(&first) / norm).sqrt() } else { 0.0 })
     }
 
     fn trace(&self, cells: Range<usize>, keep: bool, progress: &dyn Progress) -> Result<Traced, Interrupted> {
@@ -460,7 +457,10 @@ impl LinearOperator for Sampled {
     }
 
     fn apply(&self, x: &MultiVector, y: &mut MultiVector) {
-        self.apply_with(x, y, Take::All);
+        // Nobody listens who could interrupt it.
+        if let Ok(product) = self.times_watched(x, &Silent) {
+            *y = product;
+        }
     }
 }
 
@@ -490,18 +490,28 @@ impl Exchange for Sampled {
         self.direct.iter().any(Received::is_in_doubt).then(|| self.doubts_alone(x))
     }
 
-    fn spread(&self, x: &MultiVector) -> Option<MultiVector> {
-        let [mut first, second] = self.halves(x);
+    fn spread(&self, x: &MultiVector, progress: &dyn Progress) -> Result<Option<MultiVector>, Interrupted> {
+        let [mut first, second] = self.halves(x, progress)?;
         first.add_scaled(-1.0, &second);
         first.scale(0.5);
-        Some(first)
+        Ok(Some(first))
     }
 
-    fn apply_joined(&self, c: &Csr, transpose: &Csr, x: &MultiVector, y: &mut MultiVector) {
-        self.apply_joined_by_rays(c, x, y);
+    fn times_watched(&self, x: &MultiVector, progress: &dyn Progress) -> Result<MultiVector, Interrupted> {
+        self.times_with(x, Take::All, progress)
+    }
+
+    fn times_joined(
+        &self,
+        [c, transpose]: [&Csr; 2],
+        x: &MultiVector,
+        progress: &dyn Progress,
+    ) -> Result<MultiVector, Interrupted> {
+        let mut y = self.joined_by_rays(c, x, progress)?;
         if let Some(links) = &self.links {
             y.add_scaled(1.0, &transpose.times(&links.apply(&self.cells, &c.times(x))));
         }
+        Ok(y)
     }
 
     fn irradiance(&self, cell: usize, at: [f64; 2], x: &MultiVector, seed: u64) -> Option<Vec<f64>> {

@@ -22,6 +22,7 @@ use super::{CHUNK, Sampled, Table};
 use crate::element::MAX_DOFS;
 use crate::linalg::{Csr, LinearOperator, MultiVector, Number};
 use crate::mesh::Patch;
+use crate::progress::{Interrupted, Progress};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -111,22 +112,35 @@ struct Found {
 type Row<T> = fn(&Sampled, usize, usize, Source<'_, T>, Take, &mut Work);
 
 impl Sampled {
-    /// y = S x, by the rays that `take` takes.
-    pub(super) fn apply_with(&self, x: &MultiVector, y: &mut MultiVector, take: Take) {
-        let value = |dof: usize, band: usize| x.band(band)[dof];
-        self.rows_of(value, take, y, |column, rows, result| column[rows].copy_from_slice(result));
+    /// S x, by the rays that `take` takes.
+    pub(super) fn times_with(
+        &self,
+        x: &MultiVector,
+        take: Take,
+        progress: &dyn Progress,
+    ) -> Result<MultiVector, Interrupted> {
+        let (mut y, value) = (MultiVector::zeros(self.rows(), x.bands()), |dof: usize, band: usize| x.band(band)[dof]);
+        self.rows_of(value, take, &mut y, |column, rows, result| column[rows].copy_from_slice(result), progress)?;
         if let Some(linked) = self.through_links(x) {
             y.add_scaled(1.0, &linked);
         }
+        Ok(y)
     }
 
-    /// y = Cᵀ S C x but for links, with none of the vectors of broken coefficients that are written and read once otherwise.
-    pub(super) fn apply_joined_by_rays(&self, c: &Csr, x: &MultiVector, y: &mut MultiVector) {
+    /// Cᵀ S C x but for links, with none of the vectors of broken coefficients that are written and read once otherwise.
+    pub(super) fn joined_by_rays(
+        &self,
+        c: &Csr,
+        x: &MultiVector,
+        progress: &dyn Progress,
+    ) -> Result<MultiVector, Interrupted> {
+        let mut y = MultiVector::zeros(c.cols(), x.bands());
         let value = |dof: usize, band: usize| c.row_times(dof, x.band(band));
-        y.as_mut_slice().fill(0.0);
-        self.rows_of(value, Take::All, y, |column, rows, result| {
+        let put = |column: &mut [f64], rows: Range<usize>, result: &[f64]| {
             rows.zip(result).for_each(|(dof, &value)| c.add_row(dof, value, column));
-        });
+        };
+        self.rows_of(value, Take::All, &mut y, put, progress)?;
+        Ok(y)
     }
 
     /// The part of S x that comes from the means of lamps.
@@ -172,27 +186,42 @@ impl Sampled {
         take: Take,
         y: &mut MultiVector,
         put: impl Fn(&mut [f64], Range<usize>, &[f64]) + Sync,
-    ) {
+        progress: &dyn Progress,
+    ) -> Result<(), Interrupted> {
         let (single, exact) = Coefficients::<f32>::new(&self.cells, &self.lamps, y.bands(), &value);
         if exact {
-            self.rows_from(single.source(), take, y, put);
+            self.rows_from(single.source(), take, y, put, progress)
         } else {
             drop(single);
             let (double, _) = Coefficients::<f64>::new(&self.cells, &self.lamps, y.bands(), &value);
-            self.rows_from(double.source(), take, y, put);
+            self.rows_from(double.source(), take, y, put, progress)
         }
     }
 
-    /// The same for what rays read.
+    /// The same for what rays read. Where they are cast again, which takes long, `progress` hears of it.
     fn rows_from<T: Number>(
         &self,
         source: Source<'_, T>,
         take: Take,
         y: &mut MultiVector,
         put: impl Fn(&mut [f64], Range<usize>, &[f64]) + Sync,
-    ) {
-        let row = self.row_for(source.lanes());
-        self.by_rows(|cell, index, work| row(self, cell, index, source, take, work), y, put);
+        progress: &dyn Progress,
+    ) -> Result<(), Interrupted> {
+        let (row, kept) = (self.row_for(source.lanes()), self.stored.len() * CHUNK);
+        if kept >= self.cells.len() {
+            self.by_rows(|cell, index, work| row(self, cell, index, source, take, work), y, put);
+            return Ok(());
+        }
+        progress.begin("casting rays again", (self.cells.len() - kept) as u64);
+        let of_cell = |cell: usize, index: usize, work: &mut Work| {
+            if cell < kept || !progress.interrupted() {
+                row(self, cell, index, source, take, work);
+                progress.advance(u64::from(cell >= kept));
+            }
+        };
+        self.by_rows(of_cell, y, put);
+        progress.end();
+        if progress.interrupted() { Err(Interrupted) } else { Ok(()) }
     }
 
     /// Calls `row` for every cell with its place in its chunk, and has the results put into each band of y, in order.

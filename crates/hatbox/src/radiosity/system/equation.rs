@@ -20,13 +20,13 @@ impl System {
         params: &solve::Params,
         progress: &dyn Progress,
     ) -> Result<(Solution, Info), SolveError> {
-        let seen = self.arriving();
+        let seen = self.arriving(progress);
         let reflection = self.reflection();
         let transport = Transport { join: &self.join, seen: &seen, reflection: &reflection };
         let right_side = self.join.collect(Cow::Borrowed(load));
         let mut b = self.inverse_mass().times(&right_side);
         let info = neumann(&self.inverse_mass(), &transport, &right_side, &mut b, params, progress)?;
-        Ok((self.solution(self.join.spread(Cow::Owned(b)).into_owned()), info))
+        Ok((self.solution(self.join.spread(Cow::Owned(b)).into_owned(), progress)?, info))
     }
 
     /// By minimal residuals, for what is reflected of an emission: the residual is relative to the first bounce, however bright
@@ -40,7 +40,7 @@ impl System {
         params: &solve::Params,
         progress: &dyn Progress,
     ) -> Result<(Solution, Info, Products), SolveError> {
-        let seen = self.arriving();
+        let seen = self.arriving(progress);
         let reflection = self.reflection();
         let transport = Transport { join: &self.join, seen: &seen, reflection: &reflection };
         let equation = Equation::new(self.joined_mass(), transport);
@@ -77,8 +77,8 @@ impl System {
     }
 
     /// What arrives, as [`reflection`](Self::reflection) wants it.
-    fn arriving(&self) -> Arriving<'_> {
-        Arriving { join: &self.join, exchange: &*self.exchange, collected: self.collects() }
+    fn arriving<'a>(&'a self, progress: &'a dyn Progress) -> Arriving<'a> {
+        Arriving { join: &self.join, exchange: &*self.exchange, collected: self.collects(), progress }
     }
 
     pub(super) fn solve_symmetric(
@@ -95,7 +95,7 @@ impl System {
         let info = cg(&symmetric, &self.inverse_mass(), &right_side, &mut c, params, progress)?;
         let mut radiosity = symmetric.scaled(&c);
         radiosity.add_scaled(1.0, &emission);
-        Ok((self.solution(radiosity), info))
+        Ok((self.solution(radiosity, progress)?, info))
     }
 
     fn reflection(&self) -> Reflection {
