@@ -23,7 +23,7 @@ pub(crate) fn report(failure: Failure) -> ExitCode {
         Failure::Interrupted => {
             let _ = writeln!(
                 std::io::stderr(),
-                "interrupted; no file is half-written, finished ones and a checkpoint stay"
+                "interrupted; no file is half-written, finished ones stay, and so does what `--checkpoint` keeps"
             );
             ExitCode::from(interrupt::STATUS)
         }

@@ -6,6 +6,7 @@ use crate::commands::factors::{Closure, Done as Factors};
 use crate::commands::solve::Done;
 use crate::style::Style;
 use hatbox::exchange::GREATEST_DEFICIT;
+use hatbox::io::checkpoint::Earlier;
 use hatbox::report::{Report, RoundReport};
 use hatbox::view_factors::{Estimate, RowCheck, ViewFactors};
 use std::fmt::Write as _;
@@ -325,6 +326,16 @@ fn closed(closure: &Closure) -> String {
         small(closure.row_sum_error_after),
         percent(closure.largest_relative_change)
     )
+}
+
+/// What a checkpoint had from an earlier run, if it had anything.
+pub(crate) fn earlier(found: Earlier) -> Option<String> {
+    let rest = match found.cut {
+        0 => String::new(),
+        cut => format!("; {} after it were not whole and are cut off", bytes(cut)),
+    };
+    let goes_on = format!("going on from {} of finished work in the checkpoint{rest}", bytes(found.bytes));
+    (found != Earlier::default()).then_some(goes_on)
 }
 
 /// What is about to be taken.

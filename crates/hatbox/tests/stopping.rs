@@ -100,7 +100,7 @@ fn rays_of_another_mesh_of_as_many_cells_are_not_taken() {
     let solution = |scene: &Scene, progress: &dyn Progress| solve(scene, &options, progress).expect("solved").solution;
     let with_file = |scene: &Scene| {
         let checkpoint = Checkpoint::open(file.path(), 1, Silent).expect("a checkpoint");
-        (solution(scene, &checkpoint).radiosity, checkpoint.steps())
+        (solution(scene, &checkpoint).radiosity, checkpoint.earlier().steps)
     };
     assert_eq!(with_file(&street()).1, 0);
     let (found, steps) = with_file(&wider);

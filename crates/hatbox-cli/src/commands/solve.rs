@@ -48,6 +48,10 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
     // 3. The light in it.
     let bars = Bars::new(talk.shows_progress());
     let checkpoint = args.checkpoint.as_deref().map(|path| checkpoint(path, &scene, args, &bars)).transpose()?;
+    if talk.shows_progress() {
+        let earlier = checkpoint.as_ref().and_then(|checkpoint| summary::earlier(checkpoint.earlier()));
+        earlier.into_iter().for_each(|line| output::note(&line));
+    }
     let progress: &dyn Progress = checkpoint.as_ref().map_or(&bars, |checkpoint| checkpoint);
     let failure = |error: radiosity::Error| Failure::from(error).in_file(&args.scene.path);
     let (solution, mut report) = if let Some(options) = adaptive {

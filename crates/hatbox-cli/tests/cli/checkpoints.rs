@@ -1,15 +1,18 @@
 //! Work that is killed and goes on.
 
 use crate::failures::fail;
-use crate::{CUBE, Folder, hatbox, sample, solve_cube, succeed};
+use crate::{CUBE, Folder, hatbox, sample, solve_cube, succeed, text};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+/// Bytes of a checkpoint without work.
+const HEADER: u64 = 16;
+
 fn solve(output: &Path) -> Command {
     let mut command = hatbox();
     command.arg("solve").arg(sample("two-rooms.glb")).args(["--operator", "hierarchical", "--elements", "1500"]);
-    command.args(["--tolerance", "4%", "--quiet", "-o"]).arg(output);
+    command.args(["--tolerance", "4%", "--json", "-o"]).arg(output);
     command
 }
 
@@ -26,7 +29,9 @@ fn what_is_killed_goes_on_to_the_same_bits() {
         let _ = child.kill();
         child.wait().expect("it ends");
     }
-    succeed(solve(&resumed).arg("--checkpoint").arg(&checkpoint));
+    let size = std::fs::metadata(&checkpoint).map_or(0, |found| found.len());
+    let told = text(&succeed(solve(&resumed).arg("--checkpoint").arg(&checkpoint)).stderr);
+    assert_eq!(told.contains("of finished work in the checkpoint"), size > HEADER, "{size} bytes: {told}");
     let [a, b] = [&whole, &resumed].map(|path| std::fs::read(path).expect("an output"));
     assert!(a == b, "a run that was killed has another result");
     assert!(!checkpoint.exists(), "it is removed when the work is done");

@@ -40,13 +40,25 @@ pub enum CheckpointError {
     File(#[from] AtomicError),
 }
 
+/// What a checkpoint has from an earlier run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Earlier {
+    /// Steps that are finished.
+    pub steps: usize,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Bytes after them that were no whole step, and were cut off.
+    pub cut: u64,
+}
+
 /// A listener that keeps what is finished.
 pub struct Checkpoint<P> {
     listener: P,
     path: PathBuf,
     /// The file, and where the bytes of each step of each stage lie in it.
     file: Mutex<File>,
-    known: HashMap<[u64; 2], (u64, usize)>,
+    known: Known,
+    cut: u64,
     /// The stage that began last, and how many of each name have begun.
     stage: AtomicU64,
     begun: Mutex<HashMap<&'static str, u64>>,
@@ -71,9 +83,9 @@ impl<P: Progress> Checkpoint<P> {
         if !header.starts_with(&found) {
             return Err(CheckpointError::Other { path: path.to_owned() });
         }
-        let known = if found.len() < HEADER {
+        let (known, cut) = if found.len() < HEADER {
             file.set_len(0).and_then(|()| file.rewind()).and_then(|()| file.write_all(&header)).map_err(failed)?;
-            HashMap::new()
+            (HashMap::new(), 0)
         } else {
             records(&mut file).map_err(failed)?
         };
@@ -82,15 +94,17 @@ impl<P: Progress> Checkpoint<P> {
             path: path.to_owned(),
             file: Mutex::new(file),
             known,
+            cut,
             stage: AtomicU64::new(0),
             begun: Mutex::default(),
             failed: AtomicBool::new(false),
         })
     }
 
-    /// Number of steps that an earlier run has left.
-    pub fn steps(&self) -> usize {
-        self.known.len()
+    /// What an earlier run has left.
+    pub fn earlier(&self) -> Earlier {
+        let bytes = self.known.values().map(|&(_, length)| length as u64).sum();
+        Earlier { steps: self.known.len(), bytes, cut: self.cut }
     }
 
     /// The work is done, and its result is safe: removes the file.
@@ -165,8 +179,11 @@ impl<P: Progress> Progress for Checkpoint<P> {
     }
 }
 
-/// The whole records of a file, whose rest is cut off; it is read from where it stands.
-fn records(file: &mut File) -> io::Result<HashMap<[u64; 2], (u64, usize)>> {
+/// Where the bytes of each step of each stage lie.
+type Known = HashMap<[u64; 2], (u64, usize)>;
+
+/// The whole records of a file, whose rest is cut off, and the length of that; it is read from where it stands.
+fn records(file: &mut File) -> io::Result<(Known, u64)> {
     let size = file.metadata()?.len();
     let mut known = HashMap::new();
     let mut at = HEADER as u64;
@@ -192,7 +209,7 @@ fn records(file: &mut File) -> io::Result<HashMap<[u64; 2], (u64, usize)>> {
         at = start + length;
     }
     file.set_len(at)?;
-    Ok(known)
+    Ok((known, size - at))
 }
 
 fn checksum(key: [u64; 2], bytes: &[u8]) -> u64 {
@@ -256,6 +273,11 @@ mod tests {
         for length in 0..=whole.len() {
             std::fs::write(&path, &whole[..length]).expect("cut");
             let again = open(&path, 7).expect("it goes on");
+            let Earlier { steps: known, bytes, cut } = again.earlier();
+            assert_eq!(bytes, steps[..known].iter().map(|step| step.len() as u64).sum::<u64>());
+            if length >= HEADER {
+                assert_eq!(HEADER + known * RECORD + bytes as usize + cut as usize, length, "cut at {length}");
+            }
             again.begin("stage", 5);
             for (step, bytes) in steps.iter().enumerate() {
                 match again.recall(step as u64) {
@@ -290,7 +312,7 @@ mod tests {
         checkpoint.keep(2, b"more");
         let warned = warned.0.lock().expect("no panics");
         assert!(warned.len() == 1 && warned[0].contains("no more is kept in `"), "{warned:?}");
-        assert_eq!(open(&path, 7).expect("it goes on").steps(), 1);
+        assert_eq!(open(&path, 7).expect("it goes on").earlier().steps, 1);
     }
 
     #[test]
@@ -305,7 +327,7 @@ mod tests {
         let last = bytes.len() - 1;
         bytes[last] ^= 1;
         std::fs::write(&path, &bytes).expect("changed");
-        assert_eq!(open(&path, 7).expect("it goes on").steps(), 0);
+        assert_eq!(open(&path, 7).expect("it goes on").earlier().steps, 0);
         std::fs::write(&path, "a file of the user's own").expect("written");
         assert!(matches!(open(&path, 7), Err(CheckpointError::Other { .. })));
     }
