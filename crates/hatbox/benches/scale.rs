@@ -2,7 +2,7 @@
 //!
 //! `cargo bench -p hatbox --bench scale [-- MOST [KIND]]`: every scene at every size up to MOST (1 000 000) with that kind
 //! of operator (hierarchical). `… -- SCENE ELEMENTS KIND [TOLERANCE]` is one of them, `… -- suns FACETS [KIND [TOLERANCE]]` the
-//! terrain under a hundred suns. Each is run in a process of its
+//! terrain under a hundred suns, and `… -- bands ELEMENTS` what products of the room's operator take, by elements and bands. Each is run in a process of its
 //! own, so that the memory is its own. Beyond two million elements there are only `build` and `solve`. `build` makes the operator, `solve` solves, `check` estimates the error, `relight`
 //! solves again with lamps of another colour on the same operator, and `repaint` after that with other paints; all in
 //! seconds. `passes` are those of the operator in the three. `CPU s` are those of the first three, of all threads. `noise` is the error of the operator from two halves of its
@@ -12,7 +12,7 @@ mod measure;
 
 use glam::DVec3;
 use hatbox::exchange::{self, Exchange as _};
-use hatbox::linalg::MultiVector;
+use hatbox::linalg::{LinearOperator as _, MultiVector};
 use hatbox::mesh::Refinement;
 use hatbox::progress::Silent;
 use hatbox::radiosity::{Options, System};
@@ -35,6 +35,9 @@ const SUNS: usize = 100;
 const BATCH: usize = 25;
 /// A length, in metres, beyond which nothing stands.
 const FAR: f64 = 1e4;
+/// Bands of products, and how often each is made.
+const BANDS: [usize; 8] = [1, 2, 3, 4, 6, 8, 16, 32];
+const TIMES: usize = 3;
 /// Points at which the error is estimated.
 const POINTS: usize = 256;
 /// Most elements with which the error is estimated, and other lights and paints are solved for.
@@ -51,6 +54,7 @@ fn main() {
             let kind = rest.first().map_or(exchange::Sampled::NAME, String::as_str);
             light(number(facets) as usize, kind, rest.get(1).map_or(TOLERANCE, number));
         }
+        [bands, elements] if bands == "bands" => products(number(elements) as usize),
         [scene, elements, kind, rest @ ..] if kinds::ALL.iter().any(|known| known.name == scene) => {
             run(scene, number(elements) as usize, kind, rest.first().map_or(TOLERANCE, number));
         }
@@ -130,6 +134,33 @@ fn run(name: &str, elements: usize, kind: &str, tolerance: f64) {
         100.0 * noise,
         solved.error.map_or("-".to_owned(), |error| format!("{:.2} %", 100.0 * error.relative)),
     );
+}
+
+/// Milliseconds of a product, the best of some.
+fn products(elements: usize) {
+    println!("function   elements {}", BANDS.map(|bands| format!("{bands:>6}")).join(""));
+    let scene = scene("room", (elements / SUBDIVIDED).clamp(500, 50_000));
+    for basis in [0, 1, 3].map(|k| &hatbox::element::ALL[k]) {
+        let options = Options {
+            operator: exchange::kind(exchange::Sampled::NAME).expect("a kind"),
+            refinement: Refinement::Elements(elements),
+            tolerance: TOLERANCE,
+            basis,
+            ..Options::default()
+        };
+        let exchange = System::build(&scene, &options, &Silent).expect("built").exchange;
+        let took = BANDS.map(|bands| {
+            // Of single precision, as those of a search are.
+            let x = MultiVector::from_fn(exchange.rows(), bands, |row, band| f64::from(((row + band) % 97) as f32));
+            let once = |_| {
+                let started = Instant::now();
+                std::hint::black_box(exchange.times(&x));
+                started.elapsed().as_secs_f64()
+            };
+            (0..TIMES).map(once).fold(f64::INFINITY, f64::min)
+        });
+        println!("{:<10} {elements:>8} {}", basis.name, took.map(|s| format!("{:>6.0}", 1e3 * s)).join(""));
+    }
 }
 
 /// The terrain under many suns.

@@ -16,7 +16,7 @@
 use super::fit::{Matrix, Take, add_outer, factor_in_place, mean_mass, solve};
 use super::kept::{Ended, Hits, Lit, Run, WORD, set_bits};
 use super::rays::{Hit, Kinds, Points};
-use super::source::{Coefficients, Source, lanes_for};
+use super::source::{Coefficients, REGISTER, Source, lanes_for};
 use super::sums::{Word, sum_of};
 use super::{CHUNK, Sampled, Table};
 use crate::element::MAX_DOFS;
@@ -26,6 +26,8 @@ use crate::progress::{Interrupted, Progress};
 use rayon::prelude::*;
 use std::ops::Range;
 
+/// Bands of constants for which it is worth while to read all rays once for each register.
+const MOST_CONSTANTS: usize = 8;
 /// Chunks whose results wait to be put where they belong, band by band.
 const AT_ONCE: usize = 256;
 
@@ -175,7 +177,8 @@ impl Sampled {
             fit(cell, index, &means, work);
             self.integrate::<0, 0>(cell, lanes, work);
         };
-        self.by_rows(row, &mut y, |column, rows, result| column[rows].copy_from_slice(result));
+        let put = |column: &mut [f64], rows: Range<usize>, result: &[f64]| column[rows].copy_from_slice(result);
+        self.by_rows(row, x.bands(), y.as_mut_slice(), put);
         y
     }
 
@@ -188,28 +191,48 @@ impl Sampled {
         put: impl Fn(&mut [f64], Range<usize>, &[f64]) + Sync,
         progress: &dyn Progress,
     ) -> Result<(), Interrupted> {
-        let (single, exact) = Coefficients::<f32>::new(&self.cells, &self.lamps, y.bands(), &value);
-        if exact {
-            self.rows_from(single.source(), take, y, put, progress)
-        } else {
-            drop(single);
-            let (double, _) = Coefficients::<f64>::new(&self.cells, &self.lamps, y.bands(), &value);
-            self.rows_from(double.source(), take, y, put, progress)
+        let at_once = self.bands_at_once(y.bands());
+        let size = (y.rows() * at_once).max(1);
+        for (part, y) in y.as_mut_slice().chunks_mut(size).enumerate() {
+            let (first, bands) = (part * at_once, at_once * y.len() / size);
+            let value = |dof: usize, band: usize| value(dof, first + band);
+            let (single, exact) = Coefficients::<f32>::new(&self.cells, &self.lamps, bands, value);
+            if exact {
+                self.rows_from(single.source(), take, (bands, &mut *y), &put, progress)?;
+            } else {
+                drop(single);
+                let (double, _) = Coefficients::<f64>::new(&self.cells, &self.lamps, bands, value);
+                self.rows_from(double.source(), take, (bands, &mut *y), &put, progress)?;
+            }
         }
+        Ok(())
     }
 
-    /// The same for what rays read. Where they are cast again, which takes long, `progress` hears of it.
+    /// As many bands as are read in one pass over the rays: those of a register where they have a loop of their own, which is four
+    /// times as fast as that of any number; all where rays are cast again.
+    fn bands_at_once(&self, bands: usize) -> usize {
+        let functions = if let [table] = &self.tables[..] { table.element.dofs() } else { 0 };
+        let split = match functions {
+            1 => bands <= MOST_CONSTANTS,
+            3 | 4 | 6 => true,
+            _ => false,
+        };
+        let is_stored = self.stored.len() * CHUNK >= self.cells.len();
+        if split && is_stored { bands.min(REGISTER) } else { bands }
+    }
+
+    /// The same for what rays read, into so many bands. Where rays are cast again, which takes long, `progress` hears of it.
     fn rows_from<T: Number>(
         &self,
         source: Source<'_, T>,
         take: Take,
-        y: &mut MultiVector,
+        (bands, y): (usize, &mut [f64]),
         put: impl Fn(&mut [f64], Range<usize>, &[f64]) + Sync,
         progress: &dyn Progress,
     ) -> Result<(), Interrupted> {
         let (row, kept) = (self.row_for(source.lanes()), self.stored.len() * CHUNK);
         if kept >= self.cells.len() {
-            self.by_rows(|cell, index, work| row(self, cell, index, source, take, work), y, put);
+            self.by_rows(|cell, index, work| row(self, cell, index, source, take, work), bands, y, put);
             return Ok(());
         }
         progress.begin("casting rays again", (self.cells.len() - kept) as u64);
@@ -219,19 +242,20 @@ impl Sampled {
                 progress.advance(u64::from(cell >= kept));
             }
         };
-        self.by_rows(of_cell, y, put);
+        self.by_rows(of_cell, bands, y, put);
         progress.end();
         if progress.interrupted() { Err(Interrupted) } else { Ok(()) }
     }
 
-    /// Calls `row` for every cell with its place in its chunk, and has the results put into each band of y, in order.
+    /// Calls `row` for every cell with its place in its chunk, and has the results put into each of the bands of y, in order.
     fn by_rows(
         &self,
         row: impl Fn(usize, usize, &mut Work) + Sync,
-        y: &mut MultiVector,
+        bands: usize,
+        y: &mut [f64],
         put: impl Fn(&mut [f64], Range<usize>, &[f64]) + Sync,
     ) {
-        let (bands, height) = (y.bands(), y.rows().max(1));
+        let height = (y.len() / bands.max(1)).max(1);
         let rows_of = |chunk: usize| {
             let cells = self.chunk(chunk);
             self.cells.range(cells.start).start..self.cells.range(cells.end - 1).end
@@ -251,7 +275,7 @@ impl Sampled {
             out
         };
         let mut put_all = |some: Range<usize>, results: &[Vec<f64>]| {
-            y.as_mut_slice().par_chunks_mut(height).enumerate().for_each(|(band, column)| {
+            y.par_chunks_mut(height).enumerate().for_each(|(band, column)| {
                 for (chunk, result) in some.clone().zip(results) {
                     let rows = rows_of(chunk);
                     put(column, rows.clone(), &result[band * rows.len()..(band + 1) * rows.len()]);

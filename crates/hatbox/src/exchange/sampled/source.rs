@@ -18,15 +18,15 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Numbers of a register.
-const REGISTER: usize = 4;
+pub(super) const REGISTER: usize = 4;
 /// Groups whose bands are set side by side at a time: few enough for the nearest cache.
 const TURNED: usize = 64;
 /// Bytes of a line of the cache.
 const LINE: usize = 64;
 
-/// Places for so many bands: whole registers, unless they are very few.
+/// Places for so many bands: whole registers, unless it is one.
 pub(super) fn lanes_for(bands: usize) -> usize {
-    if bands < REGISTER - 1 { bands } else { bands.next_multiple_of(REGISTER) }
+    if bands == 1 { 1 } else { bands.next_multiple_of(REGISTER) }
 }
 
 /// Where numbers stand: coefficients in groups, those of a cell if all cells have as many, else one by one.
