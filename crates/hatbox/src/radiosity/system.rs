@@ -36,6 +36,8 @@ const MASS_TOLERANCES: [f64; 2] = [1e-13, 1e-10];
 /// constant, is found to this in a few products, whatever the solver's tolerance (to 1e-2, quadratic functions missed it:
 /// `what_is_covered_sees_nothing_and_the_rest_of_the_room_is_closed`). And for what noise is averaged to.
 const ROUGH_MASS_TOLERANCE: f64 = 1e-4;
+/// The relative residual to which [`System::reflections`] are solved for: what causes them is known to a digit.
+const REFLECTIONS: f64 = 1e-2;
 /// Numbers of the functions in which noise is looked for: of ten million cells each has more.
 const NUMBERS_OF_NOISE: usize = 1 << 24;
 /// Bounces that Neumann's iteration may take at the most.
@@ -463,8 +465,8 @@ impl System {
         Gather { panels, panorama, cells: None, views: self.views(), strengths, solution }
     }
 
-    /// What surfaces reflect, again and again, if they emit a function of the broken space: (I − RK)⁻¹RK of it, to three
-    /// digits, in the broken space. The first reflection is that of the function as it is; the others, which K has made
+    /// What surfaces reflect, again and again, if they emit a function of the broken space: (I − RK)⁻¹RK of it, to two
+    /// digits, as errors and what matters are estimated, in the broken space. The first reflection is that of the function as it is; the others, which K has made
     /// smooth, are computed in the joined space.
     ///
     /// # Errors
@@ -473,7 +475,7 @@ impl System {
         if emission.as_slice().iter().all(|&value| value == 0.0) {
             return Ok(emission.clone());
         }
-        let params = solve::Params { tolerance: 1e-3, ..Default::default() };
+        let params = solve::Params { tolerance: REFLECTIONS, ..Default::default() };
         let mut once = self.reflected(&self.solution(emission.clone(), progress)?);
         let (again, _) = self.solve_for(&self.mass.times(&once), self.best_solver(), &params, progress)?;
         once.add_scaled(1.0, &self.reflected(&again));
