@@ -12,7 +12,7 @@ y; the block of two nodes is nothing, sparse, two thin factors, or divided, what
 The rest was chosen here, in doubt for the peer: numbers of 4 bytes; one ray for both directions of a pair and one
 compression for both of its blocks, which count as two; no ray where facets do not face each other; rays lifted by a
 thousandth of an edge; nodes of 256 facets at the most; ‖B − UV‖ ≤ ε ‖B‖ in the Frobenius norm. BLAS has one
-thread, since small factorisations take longer on several.
+thread, since small products and factorisations take longer on several.
 
 All get the same facets, a constant on each, and the same sunlight B. E = F B is known from cosine rays.
 """
@@ -114,14 +114,21 @@ def measure(quick: bool, absent: dict[str, str]) -> Iterator[Row]:
 
 
 def _tools(job: Job, quick: bool) -> Iterator[tuple[str, str, str, Callable[[], Built]]]:
-    yield "midpoint", "full", "", partial(full, job.corners)
+    yield "midpoint", "full", "", partial(_on_one_thread, full, job.corners)
     for epsilon in (1e-2,) if quick else (1e-1, 1e-2):
-        yield "midpoint", "compressed", f"ε = {epsilon:g}", partial(compressed, job.corners, epsilon)
+        yield "midpoint", "compressed", f"ε = {epsilon:g}", partial(_on_one_thread, compressed, job.corners, epsilon)
     yield "hatbox", "sampled, one thread", "0.02", partial(_hatbox, job, "sampled", 0.02, threads=1)
     for tolerance in (0.02, 0.005) if quick else (0.02, 0.015, 0.01, 0.005, 0.0025):
         yield "hatbox", "sampled", f"{tolerance:g}", partial(_hatbox, job, "sampled", tolerance)
     if not quick:
         yield "hatbox", "auto", "0.02", partial(_hatbox, job, "auto", 0.02)
+
+
+def _on_one_thread(build: Callable[..., Built], *arguments: Any) -> Built:
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1):
+        return build(*arguments)
 
 
 def _hatbox(job: Job, operator: str, tolerance: float, threads: int | None = None) -> Built:
@@ -199,15 +206,11 @@ def full(corners: np.ndarray) -> Built:
 
 def compressed(corners: np.ndarray, epsilon: float) -> Built:
     """The midpoint form as blocks of a quadtree, F_ij / A_j likewise."""
-    from threadpoolctl import threadpool_limits
-
     embree, (root, order) = _embree(corners), _quadtree(corners.mean(axis=1))
     facets, pieces = Facets.of(corners).some(order), []
     for one, two in _blocks(root, root):
         block = _kernel(embree, facets.some(one.span), facets.some(two.span), same=one is two)
-        with threadpool_limits(1):
-            packed = _packed(block, one, two, epsilon)
-        for rows, columns, factors in packed:
+        for rows, columns, factors in _packed(block, one, two, epsilon):
             pieces += [(rows, columns, factors), (columns, rows, [factor.T for factor in factors[::-1]])]
 
     def times(x: np.ndarray) -> np.ndarray:
