@@ -118,7 +118,7 @@ def _tools(job: Job, quick: bool) -> Iterator[tuple[str, str, str, Callable[[], 
     for epsilon in (1e-2,) if quick else (1e-1, 1e-2):
         yield "midpoint", "compressed", f"ε = {epsilon:g}", partial(_on_one_thread, compressed, job.corners, epsilon)
     yield "hatbox", "sampled, one thread", "0.02", partial(_hatbox, job, "sampled", 0.02, threads=1)
-    for tolerance in (0.02, 0.005) if quick else (0.02, 0.015, 0.01, 0.005, 0.0025):
+    for tolerance in (0.02, 0.005) if quick else (0.03, 0.02, 0.015, 0.01, 0.005, 0.0025):
         yield "hatbox", "sampled", f"{tolerance:g}", partial(_hatbox, job, "sampled", tolerance)
     if not quick:
         yield "hatbox", "auto", "0.02", partial(_hatbox, job, "auto", 0.02)
