@@ -50,7 +50,9 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
     let checkpoint = args.checkpoint.as_deref().map(|path| checkpoint(path, &scene, args, &bars)).transpose()?;
     if talk.shows_progress() {
         let earlier = checkpoint.as_ref().and_then(|checkpoint| summary::earlier(checkpoint.earlier()));
-        earlier.into_iter().for_each(|line| output::note(&line));
+        if let Some(earlier) = earlier {
+            output::note(&earlier);
+        }
     }
     let progress: &dyn Progress = checkpoint.as_ref().map_or(&bars, |checkpoint| checkpoint);
     let failure = |error: radiosity::Error| Failure::from(error).in_file(&args.scene.path);

@@ -36,6 +36,7 @@ mod fit;
 mod kept;
 mod lamp_tree;
 mod lamps;
+mod pass;
 mod product;
 mod rays;
 mod source;

@@ -15,30 +15,27 @@
 
 use super::fit::{Matrix, Take, add_outer, factor_in_place, mean_mass, solve};
 use super::kept::{Ended, Hits, Lit, Run, WORD, set_bits};
+use super::pass::Parts;
 use super::rays::{Hit, Kinds, Points};
-use super::source::{Coefficients, REGISTER, Source, lanes_for};
+use super::source::Source;
 use super::sums::{Word, sum_of};
 use super::{CHUNK, Sampled, Table};
 use crate::element::MAX_DOFS;
 use crate::linalg::{Csr, LinearOperator, MultiVector, Number};
 use crate::mesh::Patch;
 use crate::progress::{Interrupted, Progress};
-use rayon::prelude::*;
 use std::ops::Range;
 
-/// Bands of constants for which it is worth while to read all rays once for each register.
-const MOST_CONSTANTS: usize = 8;
-/// Chunks whose results wait to be put where they belong, band by band.
-const AT_ONCE: usize = 256;
-
 /// Memory for one row at a time.
-struct Work {
+pub(super) struct Work {
     cast: Vec<Hit>,
     cast_hits: Hits,
+    /// The cell whose rays were cast last.
+    cast_of: Option<usize>,
     value: Vec<f64>,
     fit: Vec<f64>,
     rest: Vec<f64>,
-    result: Vec<f64>,
+    pub(super) result: Vec<f64>,
     /// Rays of a word that are read one by one.
     others: Vec<(usize, Hit)>,
 }
@@ -111,7 +108,7 @@ struct Found {
 }
 
 /// Works out the rows of a cell: the cell, its place in its chunk, what is applied to, which rays count.
-type Row<T> = fn(&Sampled, usize, usize, Source<'_, T>, Take, &mut Work);
+pub(super) type Row<T> = fn(&Sampled, usize, usize, Source<'_, T>, Take, &mut Work);
 
 impl Sampled {
     /// S x, by the rays that `take` takes.
@@ -169,133 +166,20 @@ impl Sampled {
     /// Integrates what `fit` makes of a cell, its place in its chunk and the means of lamps in x: coefficients, where there were
     /// zeros.
     fn of_means(&self, x: &MultiVector, fit: impl Fn(usize, usize, &[f64], &mut Work) + Sync) -> MultiVector {
-        let lanes = lanes_for(x.bands());
-        let means = self.lamps.means(&self.cells, [x.bands(), lanes], |dof, band| x.band(band)[dof]);
+        let parts = Parts::whole(x.bands());
+        let means = self.lamps.means(&self.cells, [x.bands(), parts.lanes], |dof, band| x.band(band)[dof]);
         let mut y = MultiVector::zeros(self.rows(), x.bands());
-        let row = |cell: usize, index: usize, work: &mut Work| {
+        let row = |cell: usize, index: usize, _part: usize, work: &mut Work| {
             work.fit.fill(0.0);
             fit(cell, index, &means, work);
-            self.integrate::<0, 0>(cell, lanes, work);
+            self.integrate::<0, 0>(cell, parts.lanes, work);
         };
-        let put = |column: &mut [f64], rows: Range<usize>, result: &[f64]| column[rows].copy_from_slice(result);
-        self.by_rows(row, x.bands(), y.as_mut_slice(), put);
+        self.by_rows(row, parts, y.as_mut_slice(), |column, rows, result| column[rows].copy_from_slice(result));
         y
     }
 
-    /// Puts the rows of S as the rays have them, applied to what has these coefficients by number and band.
-    fn rows_of(
-        &self,
-        value: impl Fn(usize, usize) -> f64 + Sync,
-        take: Take,
-        y: &mut MultiVector,
-        put: impl Fn(&mut [f64], Range<usize>, &[f64]) + Sync,
-        progress: &dyn Progress,
-    ) -> Result<(), Interrupted> {
-        let at_once = self.bands_at_once(y.bands());
-        let size = (y.rows() * at_once).max(1);
-        for (part, y) in y.as_mut_slice().chunks_mut(size).enumerate() {
-            let (first, bands) = (part * at_once, at_once * y.len() / size);
-            let value = |dof: usize, band: usize| value(dof, first + band);
-            let (single, exact) = Coefficients::<f32>::new(&self.cells, &self.lamps, bands, value);
-            if exact {
-                self.rows_from(single.source(), take, (bands, &mut *y), &put, progress)?;
-            } else {
-                drop(single);
-                let (double, _) = Coefficients::<f64>::new(&self.cells, &self.lamps, bands, value);
-                self.rows_from(double.source(), take, (bands, &mut *y), &put, progress)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// As many bands as are read in one pass over the rays: those of a register where they have a loop of their own, which is four
-    /// times as fast as that of any number; all where rays are cast again.
-    fn bands_at_once(&self, bands: usize) -> usize {
-        let functions = if let [table] = &self.tables[..] { table.element.dofs() } else { 0 };
-        let split = match functions {
-            1 => bands <= MOST_CONSTANTS,
-            3 | 4 | 6 => true,
-            _ => false,
-        };
-        let is_stored = self.stored.len() * CHUNK >= self.cells.len();
-        if split && is_stored { bands.min(REGISTER) } else { bands }
-    }
-
-    /// The same for what rays read, into so many bands. Where rays are cast again, which takes long, `progress` hears of it.
-    fn rows_from<T: Number>(
-        &self,
-        source: Source<'_, T>,
-        take: Take,
-        (bands, y): (usize, &mut [f64]),
-        put: impl Fn(&mut [f64], Range<usize>, &[f64]) + Sync,
-        progress: &dyn Progress,
-    ) -> Result<(), Interrupted> {
-        let (row, kept) = (self.row_for(source.lanes()), self.stored.len() * CHUNK);
-        if kept >= self.cells.len() {
-            self.by_rows(|cell, index, work| row(self, cell, index, source, take, work), bands, y, put);
-            return Ok(());
-        }
-        progress.begin("casting rays again", (self.cells.len() - kept) as u64);
-        let of_cell = |cell: usize, index: usize, work: &mut Work| {
-            if cell < kept || !progress.interrupted() {
-                row(self, cell, index, source, take, work);
-                progress.advance(u64::from(cell >= kept));
-            }
-        };
-        self.by_rows(of_cell, bands, y, put);
-        progress.end();
-        if progress.interrupted() { Err(Interrupted) } else { Ok(()) }
-    }
-
-    /// Calls `row` for every cell with its place in its chunk, and has the results put into each of the bands of y, in order.
-    fn by_rows(
-        &self,
-        row: impl Fn(usize, usize, &mut Work) + Sync,
-        bands: usize,
-        y: &mut [f64],
-        put: impl Fn(&mut [f64], Range<usize>, &[f64]) + Sync,
-    ) {
-        let height = (y.len() / bands.max(1)).max(1);
-        let rows_of = |chunk: usize| {
-            let cells = self.chunk(chunk);
-            self.cells.range(cells.start).start..self.cells.range(cells.end - 1).end
-        };
-        let of_chunk = |chunk: usize| {
-            let rows = rows_of(chunk);
-            // The bands one after the other, as they are wanted.
-            let mut out = vec![0.0; rows.len() * bands];
-            let mut work = Work::new(self.rays, lanes_for(bands));
-            for (index, cell) in self.chunk(chunk).enumerate() {
-                row(cell, index, &mut work);
-                for (of_row, result) in self.cells.range(cell).zip(work.result.chunks_exact(lanes_for(bands))) {
-                    let places = out[of_row - rows.start..].iter_mut().step_by(rows.len());
-                    places.zip(result).for_each(|(place, &value)| *place = value);
-                }
-            }
-            out
-        };
-        let mut put_all = |some: Range<usize>, results: &[Vec<f64>]| {
-            y.par_chunks_mut(height).enumerate().for_each(|(band, column)| {
-                for (chunk, result) in some.clone().zip(results) {
-                    let rows = rows_of(chunk);
-                    put(column, rows.clone(), &result[band * rows.len()..(band + 1) * rows.len()]);
-                }
-            });
-        };
-        // Bands are no multiple of threads: those that have nothing to put go on with the next chunks.
-        let chunks = 0..self.direct.len();
-        let mut waiting = (0..0, Vec::new());
-        for first in chunks.clone().step_by(AT_ONCE) {
-            let some = first..(first + AT_ONCE).min(chunks.end);
-            let results = || some.clone().into_par_iter().map(of_chunk).collect();
-            let ((), results) = rayon::join(|| put_all(waiting.0.clone(), &waiting.1), results);
-            waiting = (some, results);
-        }
-        put_all(waiting.0, &waiting.1);
-    }
-
     /// [`row`] with loops of known length, where there are.
-    fn row_for<T: Number>(&self, lanes: usize) -> Row<T> {
+    pub(super) fn row_for<T: Number>(&self, lanes: usize) -> Row<T> {
         let [table] = &self.tables[..] else { return row::<0, 0, T> };
         match (table.element.dofs(), lanes) {
             (1, 1) => row::<1, 1, T>,
@@ -303,7 +187,6 @@ impl Sampled {
             (1, _) => row::<1, 0, T>,
             (3, 1) => row::<3, 1, T>,
             (3, 4) => row::<3, 4, T>,
-            (3, _) => row::<3, 0, T>,
             (4, 1) => row::<4, 1, T>,
             (4, 4) => row::<4, 4, T>,
             (6, 1) => row::<6, 1, T>,
@@ -312,13 +195,16 @@ impl Sampled {
         }
     }
 
-    /// Where the first `count` rays of a cell end.
-    fn cast_again<'a>(&self, cell: usize, count: usize, cast: &mut [Hit], hits: &'a mut Hits) -> Ended<'a> {
-        let cast = &mut cast[..count];
+    /// Where the first `count` rays of a cell end, into memory that may hold it already.
+    fn cast_again(&self, cell: usize, count: usize, work: &mut Work) {
+        if work.cast_of == Some(cell) {
+            return;
+        }
+        let cast = &mut work.cast[..count];
         self.tracer.trace(&self.cells, cell, &self.table(cell).points, self.linked_with(cell), cast);
-        hits.clear();
-        hits.push(cast);
-        hits.of(0)
+        work.cast_hits.clear();
+        work.cast_hits.push(cast);
+        work.cast_of = Some(cell);
     }
 
     /// Adds N(x_r) v_r of the rays that count to `work.fit`, and of those from lamps, less the lamps' means, to `work.rest`.
@@ -472,11 +358,12 @@ impl Table {
 }
 
 impl Work {
-    fn new(rays: u32, lanes: usize) -> Self {
+    pub(super) fn new(rays: u32, lanes: usize) -> Self {
         let coefficients = vec![0.0; MAX_DOFS * lanes];
         Self {
             cast: vec![Hit::LOST; rays as usize],
             cast_hits: Hits::new(rays),
+            cast_of: None,
             value: vec![0.0; lanes],
             fit: coefficients.clone(),
             rest: coefficients.clone(),
@@ -498,12 +385,12 @@ fn row<const N: usize, const B: usize, T: Number>(
     work: &mut Work,
 ) {
     let table = if N > 0 { &sampled.tables[0] } else { sampled.table(cell) };
-    let mut cast = std::mem::take(&mut work.cast_hits);
-    let taken = take.of(sampled.rays as usize);
-    let ended = match sampled.stored.get(cell / CHUNK) {
-        Some(stored) => stored.of(index),
-        None => sampled.cast_again(cell, taken.end, &mut work.cast, &mut cast),
-    };
+    let (taken, stored) = (take.of(sampled.rays as usize), sampled.stored.get(cell / CHUNK));
+    if stored.is_none() {
+        sampled.cast_again(cell, taken.end, work);
+    }
+    let cast = std::mem::take(&mut work.cast_hits);
+    let ended = stored.map_or_else(|| cast.of(0), |stored| stored.of(index));
     let stretch = sampled.cells.stretched(cell).map(|patch| Stretch::new(&table.points, &patch));
     let excluded = excluded(ended, taken.clone());
     let rays = Rays { table, ended, taken, excluded, stretch };

@@ -75,14 +75,15 @@ pub(super) struct Source<'a, T> {
 }
 
 impl<T: Number> Coefficients<T> {
-    /// What has these coefficients by number and band, and whether all of them are such numbers; if not, some are left out.
+    /// What has these coefficients by number and band, with so many places for bands, and whether all of them are such numbers; if
+    /// not, some are left out.
     pub(super) fn new(
         cells: &Cells,
         lamps: &Lamps,
-        bands: usize,
+        [bands, lanes]: [usize; 2],
         value: impl Fn(usize, usize) -> f64 + Sync,
     ) -> (Self, bool) {
-        let (lanes, exact) = (lanes_for(bands), AtomicBool::new(true));
+        let exact = AtomicBool::new(true);
         let layout = Layout::new::<T>(cells, lanes);
         let Layout { group, stride, .. } = layout;
         let mut values: Pages<T> = Pages::zeroed(cells.unknowns().div_ceil(group) * stride);

@@ -187,7 +187,7 @@ mod tests {
                 if varies { Quantity::Function(Arc::new(varying)) } else { Quantity::Uniform(vec![0.3, 0.6, 0.4]) };
             let system = system(&ALL[basis], reflectance);
             assert_eq!(system.space.continuity().is_some(), basis == 1);
-            let (seen, reflection) = (system.arriving(), system.reflection());
+            let (seen, reflection) = (system.arriving(&Silent), system.reflection());
             let transport = Transport { join: &system.join, seen: &seen, reflection: &reflection };
             let equation = Equation::new(system.joined_mass(), transport);
             // What is rounded is so.
