@@ -55,23 +55,7 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
         }
     }
     let progress: &dyn Progress = checkpoint.as_ref().map_or(&bars, |checkpoint| checkpoint);
-    let failure = |error: radiosity::Error| Failure::from(error).in_file(&args.scene.path);
-    let (solution, mut report) = if let Some(options) = adaptive {
-        options.check_focus(&scene)?;
-        let adapted = adapt::solve(&scene, &options, progress).map_err(failure)?;
-        let report = Report::adapted(&scene, &options, &adapted);
-        (adapted.solved.solution, report)
-    } else {
-        let solved = solve(&scene, &options::solve(args), progress).map_err(failure)?;
-        let report = Report::new(&scene, &solved);
-        (solved.solution, report)
-    };
-    let solution = if args.gather { gathered(&solution, args.run.seed, progress)? } else { solution };
-    if args.certify {
-        let started = Instant::now();
-        let found = certify(&solution, progress)?;
-        report.certificate = Some(CertificateReport::new(&found, started.elapsed()));
-    }
+    let (solution, report) = light(args, &scene, adaptive, progress)?;
     // 4. The files.
     let shown = options::shown(solution, &args.view);
     let outputs = write(&shown, &args.output, &options::write(&args.view, scene.camera, &bars))?;
@@ -90,6 +74,33 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
         Talk::Summary => output::print(&summary::solve(&args.scene.path, &done, Style::stdout())),
         Talk::Quiet => Ok(()),
     }
+}
+
+/// Solves, and does what else was asked for with the solution.
+fn light(
+    args: &SolveArgs,
+    scene: &Scene,
+    adaptive: Option<adapt::Options>,
+    progress: &dyn Progress,
+) -> Result<(Solution, Report), Failure> {
+    let failure = |error: radiosity::Error| Failure::from(error).in_file(&args.scene.path);
+    let (solution, mut report) = if let Some(options) = adaptive {
+        options.check_focus(scene)?;
+        let adapted = adapt::solve(scene, &options, progress).map_err(failure)?;
+        let report = Report::adapted(scene, &options, &adapted);
+        (adapted.solved.solution, report)
+    } else {
+        let solved = solve(scene, &options::solve(args), progress).map_err(failure)?;
+        let report = Report::new(scene, &solved);
+        (solved.solution, report)
+    };
+    let solution = if args.gather { gathered(&solution, args.run.seed, progress)? } else { solution };
+    if args.certify {
+        let started = Instant::now();
+        let found = certify(&solution, progress)?;
+        report.certificate = Some(CertificateReport::new(&found, started.elapsed()));
+    }
+    Ok((solution, report))
 }
 
 /// Makes sure that every output can be written, and that no file destroys another.
