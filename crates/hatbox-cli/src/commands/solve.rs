@@ -48,11 +48,9 @@ pub(super) fn run(args: &SolveArgs, talk: Talk) -> Result<(), Failure> {
     // 3. The light in it.
     let bars = Bars::new(talk.shows_progress());
     let checkpoint = args.checkpoint.as_deref().map(|path| checkpoint(path, &scene, args, &bars)).transpose()?;
-    if talk.shows_progress() {
-        let earlier = checkpoint.as_ref().and_then(|checkpoint| summary::earlier(checkpoint.earlier()));
-        if let Some(earlier) = earlier {
-            output::note(&earlier);
-        }
+    let earlier = checkpoint.as_ref().and_then(|checkpoint| summary::earlier(checkpoint.earlier()));
+    if let Some(earlier) = earlier.filter(|_| talk.shows_progress()) {
+        output::note(&earlier);
     }
     let progress: &dyn Progress = checkpoint.as_ref().map_or(&bars, |checkpoint| checkpoint);
     let (solution, report) = light(args, &scene, adaptive, progress)?;
