@@ -10,9 +10,9 @@ use hatbox::failure;
 use hatbox::linalg::{LinearOperator, MultiVector};
 use hatbox::mesh::{Mesh, Refinement};
 use hatbox::progress::{Progress, Silent};
-use hatbox::radiosity::{Options, System, solve};
+use hatbox::radiosity::{Error, Options, System, solve};
 use hatbox::scene::{Material, Physics, Quantity, Scene};
-use hatbox::solve::Kind as Solver;
+use hatbox::solve::{Kind as Solver, SolveError};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -136,6 +136,23 @@ fn work_whose_rays_are_cast_again_tells_where_it_is_and_stops_at_any_time() {
             let patience = Some(asked * part / 20);
             let stopped = solve(&scene, &options, &Listener { patience, ..Listener::default() }).map(drop);
             assert_eq!(failure::Failure::from(stopped.expect_err("stopped")), failure::Failure::Interrupted, "{part}");
+        }
+    }
+}
+
+/// What an interrupted product leaves looks like a solution: nothing is missing where nothing arrives.
+#[test]
+fn what_is_made_of_an_interrupted_product_is_no_solution() {
+    let system = System::build(&scene(false), &options(2000, 1), &Silent).expect("built");
+    for solver in [Solver::Gmres, Solver::Neumann] {
+        let params = system.solver_params(solver);
+        let solve = |listener: &Listener| system.solve(solver, &params, listener).map(drop);
+        let listener = Listener::default();
+        solve(&listener).expect("solved");
+        let asked = listener.asked.into_inner();
+        for part in 0..20 {
+            let stopped = solve(&Listener { patience: Some(asked * part / 20), ..Listener::default() });
+            assert!(matches!(stopped, Err(Error::Solve(SolveError::Interrupted(_)))), "{solver:?} {part}: {stopped:?}");
         }
     }
 }
