@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::HashMap;
 use std::panic::resume_unwind;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex};
 use std::time::Duration;
 use std::{process, thread};
@@ -36,34 +36,43 @@ pub(crate) fn pool(threads: Option<usize>) -> PyResult<Arc<ThreadPool>> {
     Ok(pool)
 }
 
+/// A stage, its steps and those that are done.
+#[derive(Clone, Copy)]
+struct Stage {
+    name: &'static str,
+    total: u64,
+    done: u64,
+}
+
 /// What the workers tell the watcher, and the watcher them.
 #[derive(Default)]
 struct Watch {
-    stage: Mutex<&'static str>,
-    /// The stages that this one is in, with their steps and those that are done.
-    outer: Mutex<Vec<(&'static str, u64, u64)>>,
-    total: AtomicU64,
-    done: AtomicU64,
+    /// Each in the one before.
+    stages: Mutex<Vec<Stage>>,
     stop: AtomicBool,
     fault: Arc<Fault>,
     warned: Mutex<Vec<String>>,
 }
 
 impl Progress for Watch {
-    fn begin(&self, stage: &'static str, total: u64) {
-        if let Ok(mut outer) = self.outer.lock() {
-            outer.push(self.change((stage, total, 0)));
-        }
-    }
-
-    fn end(&self) {
-        if let Some(outer) = self.outer.lock().ok().and_then(|mut outer| outer.pop()) {
-            self.change(outer);
+    fn begin(&self, name: &'static str, total: u64) {
+        if let Ok(mut stages) = self.stages.lock() {
+            stages.push(Stage { name, total, done: 0 });
         }
     }
 
     fn advance(&self, steps: u64) {
-        self.done.fetch_add(steps, Ordering::Relaxed);
+        if let Ok(mut stages) = self.stages.lock()
+            && let Some(stage) = stages.last_mut()
+        {
+            stage.done += steps;
+        }
+    }
+
+    fn end(&self) {
+        if let Ok(mut stages) = self.stages.lock() {
+            stages.pop();
+        }
     }
 
     fn warn(&self, text: &str) {
@@ -78,18 +87,11 @@ impl Progress for Watch {
 }
 
 impl Watch {
-    /// Goes to a stage, its steps and those that are done; where the work was.
-    fn change(&self, (stage, total, done): (&'static str, u64, u64)) -> (&'static str, u64, u64) {
-        let old = self.stage.lock().map_or("", |mut current| std::mem::replace(&mut *current, stage));
-        (old, self.total.swap(total, Ordering::Relaxed), self.done.swap(done, Ordering::Relaxed))
-    }
-
     /// Tells `reporter(stage, done, total)` where the work is.
     fn report(&self, reporter: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let Some(reporter) = reporter else { return Ok(()) };
-        let stage = self.stage.lock().map_or("", |stage| *stage);
-        let (done, total) = (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed));
-        if stage.is_empty() { Ok(()) } else { reporter.call1((stage, done, total)).map(drop) }
+        let stage = self.stages.lock().ok().and_then(|stages| stages.last().copied());
+        stage.map_or(Ok(()), |stage| reporter.call1((stage.name, stage.done, stage.total)).map(drop))
     }
 
     /// What the workers have warned of, as Python's warnings.

@@ -9,15 +9,16 @@ use crate::scene::{Scene, repainted};
 use crate::solution::Solution;
 use hatbox::adapt::{self, Adapted, Focus};
 use hatbox::assemble::{self, Accuracy};
+use hatbox::exchange::{self, Exchange as _};
 use hatbox::failure::Failure;
 use hatbox::io::checkpoint::{Checkpoint, identity};
-use hatbox::linalg::LinearOperator;
+use hatbox::linalg::LinearOperator as _;
 use hatbox::mesh::Refinement;
-use hatbox::progress::Progress;
+use hatbox::progress::{Interrupted, Progress};
 use hatbox::radiosity::{self, Options};
 use hatbox::report::Report;
 use hatbox::space::Continuity;
-use hatbox::{exchange, scene, solve};
+use hatbox::{scene, solve};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::exceptions::PyIndexError;
@@ -314,7 +315,10 @@ impl System {
     /// S x for every row of x (bands × D).
     fn exchange<'py>(&self, py: Python<'py>, x: &Bound<'py, PyArray2<f64>>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let x = arrays::multivector(x, self.inner.space.broken_dofs())?;
-        arrays::owned(py, quickly(py, self.threads, || self.inner.exchange.times(&x))?)
+        let times = |progress: &dyn Progress| {
+            self.inner.exchange.times_watched(&x, progress).map_err(|Interrupted| Failure::Interrupted)
+        };
+        arrays::owned(py, run(py, self.threads, None, &self.fault, times)?)
     }
 
     /// S_ij of two cells and its estimated errors of quadrature and of visibility.

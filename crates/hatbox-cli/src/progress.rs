@@ -33,6 +33,7 @@ pub(crate) struct Bars {
 }
 
 struct Stage {
+    name: &'static str,
     bar: ProgressBar,
     began: Instant,
     /// When its speed is measured from, and the steps that were done then.
@@ -56,10 +57,20 @@ impl Bars {
         self.warned.lock().map_or_else(|_| Vec::new(), |warned| warned.clone())
     }
 
-    /// Where the bar of the innermost stage is drawn.
-    fn target(&self) -> ProgressDrawTarget {
+    /// The bar of the innermost stage, of which so much is done; only one is drawn at a time.
+    fn bar(&self, name: &'static str, total: Option<u64>, done: u64, message: String) -> ProgressBar {
+        let bar = total.map_or_else(ProgressBar::no_length, ProgressBar::new).with_position(done);
         let drawn = self.shows && self.pause.is_none();
-        if drawn { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() }
+        bar.set_draw_target(if drawn { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() });
+        bar.set_style(look(name));
+        bar.set_message(message);
+        bar.enable_steady_tick(Duration::from_millis(100));
+        bar
+    }
+
+    /// Whether a line may be due when so much time has passed.
+    fn is_late(&self, passed: Duration) -> bool {
+        passed.as_millis() as u64 >= self.due.load(Ordering::Relaxed)
     }
 
     /// Whether a line is due when so much time has passed, to one of those who ask.
@@ -73,17 +84,16 @@ impl Bars {
 
 impl Progress for Bars {
     fn begin(&self, stage: &'static str, total: u64) {
-        let bar = if stage == COUNTED { ProgressBar::no_length() } else { ProgressBar::new(total) };
-        bar.set_draw_target(self.target());
-        bar.set_style(look(stage));
-        bar.set_message(stage);
-        bar.enable_steady_tick(Duration::from_millis(100));
-        if let Ok(mut stages) = self.stages.write() {
-            if let Some(outer) = stages.last() {
-                outer.bar.set_draw_target(ProgressDrawTarget::hidden());
-            }
-            stages.push(Stage { bar, began: Instant::now(), from: Mutex::default() });
+        let Ok(mut stages) = self.stages.write() else { return };
+        let mut message = stage.to_owned();
+        if let Some(outer) = stages.last() {
+            let iteration =
+                if outer.name == COUNTED { format!(", iteration {}", outer.bar.position()) } else { String::new() };
+            message = format!("{}{iteration}: {stage}", outer.bar.message());
+            outer.bar.finish_and_clear();
         }
+        let bar = self.bar(stage, (stage != COUNTED).then_some(total), 0, message);
+        stages.push(Stage { name: stage, bar, began: Instant::now(), from: Mutex::default() });
     }
 
     fn advance(&self, steps: u64) {
@@ -92,6 +102,7 @@ impl Progress for Bars {
         {
             stage.bar.inc(steps);
             if self.pause.is_some()
+                && self.is_late(self.started.elapsed())
                 && let Some(line) = stage.line(self.telling)
                 && self.is_due(self.started.elapsed())
             {
@@ -105,8 +116,9 @@ impl Progress for Bars {
             if let Some(stage) = stages.pop() {
                 stage.bar.finish_and_clear();
             }
-            if let Some(outer) = stages.last() {
-                outer.bar.set_draw_target(self.target());
+            if let Some(outer) = stages.last_mut() {
+                let (total, done, message) = (outer.bar.length(), outer.bar.position(), outer.bar.message());
+                outer.bar = self.bar(outer.name, total, done, message);
             }
         }
     }
@@ -171,6 +183,7 @@ mod tests {
         bars.advance(100);
         bars.advance(1);
         bars.due.store(0, Ordering::Relaxed);
+        bars.end();
         bars.begin(COUNTED, 1000);
         bars.advance(3);
         let said = SAID.lock().expect("no panics");
@@ -191,7 +204,7 @@ mod tests {
         bars.advance(2);
         bars.begin("casting rays again", 50);
         bars.advance(7);
-        assert_eq!(current(), Some(("casting rays again".to_owned(), 7)));
+        assert_eq!(current(), Some(("solving, iteration 2: casting rays again".to_owned(), 7)));
         bars.end();
         bars.advance(1);
         assert_eq!(current(), Some((COUNTED.to_owned(), 3)));

@@ -117,6 +117,7 @@ fn light(lines: &mut Lines, report: &Report) {
     let escaped = match report.closure.escape {
         0.0 if escaped.abs() < SMALL_LOSS => String::new(),
         0.0 if report.closure.covered > 0.0 => format!(", {} lost under what covers it", percent(escaped)),
+        0.0 if escaped < 0.0 => format!(", {} gained by errors of the operator", percent(-escaped)),
         0.0 => format!(", {} lost by errors of the operator", percent(escaped)),
         // It is what is left of the other two.
         _ if escaped < 0.0 => format!(", {} escaped, as far as errors of the operator let see", percent(escaped)),

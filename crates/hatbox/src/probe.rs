@@ -9,7 +9,7 @@
 //! Beside a hard shadow functions on elements swing below zero. No light does, so that the value is zero there.
 
 use crate::linalg::MultiVector;
-use crate::progress::{Interrupted, Progress};
+use crate::progress::{Interrupted, Progress, Stage};
 use crate::quadrature::sequence::hash;
 use crate::radiosity::{Direct, Shown, Solution, Sources};
 use crate::visibility::Bvh;
@@ -129,7 +129,7 @@ impl<'a> Probe<'a> {
     ) -> Result<Probed, Interrupted> {
         let (places, direct) = (self.places(points), Direct::new(self.solution));
         let cells: BTreeSet<usize> = places.iter().flatten().map(|place| place.cell).collect();
-        progress.begin("direct light", (cells.len() + places.len()) as u64);
+        let stage = Stage::begin(progress, "direct light", (cells.len() + places.len()) as u64);
         let go_on = || {
             progress.advance(1);
             if progress.interrupted() { Err(Interrupted) } else { Ok(()) }
@@ -141,7 +141,7 @@ impl<'a> Probe<'a> {
             go_on().map(|()| place.map(of))
         };
         let corrections: Vec<_> = places.par_iter().map(correct).collect::<Result<_, _>>()?;
-        progress.end();
+        drop(stage);
         let mut probed = self.at(&places);
         let found = places.iter().zip(&corrections).enumerate();
         for (row, place, correction) in found.filter_map(|(row, (place, c))| Some((row, (*place)?, c.as_ref()?))) {
@@ -175,7 +175,7 @@ impl<'a> Probe<'a> {
         for (place, (x, _)) in places.iter_mut().zip(points) {
             *place = place.filter(|place| self.is_on(*place, *x, limits));
         }
-        progress.begin("gathering", places.len() as u64);
+        let stage = Stage::begin(progress, "gathering", places.len() as u64);
         let light = |(row, place): (usize, &Option<Place>)| {
             progress.advance(1);
             let seed = hash(seed, row as u64);
@@ -187,7 +187,7 @@ impl<'a> Probe<'a> {
             if progress.interrupted() { Err(Interrupted) } else { Ok(light) }
         };
         let lights: Vec<_> = places.par_iter().enumerate().map(light).collect::<Result<_, _>>()?;
-        progress.end();
+        drop(stage);
         let mut probed = self.at(&places);
         probed.missed = lights.iter().filter(|light| light.is_none()).count();
         for (row, (place, light)) in places.iter().zip(lights).enumerate() {

@@ -17,7 +17,7 @@ pub trait Progress: Sync {
     fn end(&self) {}
     /// Something that does not stop the work, but that whoever waits for it wants to know at once.
     fn warn(&self, _text: &str) {}
-    /// Whether the work should stop as soon as it can; once it should, it should for good.
+    /// Whether the work should stop as soon as it can.
     fn interrupted(&self) -> bool {
         false
     }
@@ -57,6 +57,24 @@ impl<P: Progress + ?Sized> Progress for &P {
     }
     fn keeps(&self) -> bool {
         (**self).keeps()
+    }
+}
+
+/// A stage that has begun, and ends when this is dropped, where the work is interrupted as well.
+#[must_use]
+pub struct Stage<'a>(&'a dyn Progress);
+
+impl<'a> Stage<'a> {
+    /// Begins a stage of `total` steps.
+    pub fn begin(progress: &'a dyn Progress, name: &'static str, total: u64) -> Self {
+        progress.begin(name, total);
+        Self(progress)
+    }
+}
+
+impl Drop for Stage<'_> {
+    fn drop(&mut self) {
+        self.0.end();
     }
 }
 

@@ -12,7 +12,7 @@ use crate::bake::{limited, rgb};
 use crate::element::MAX_DOFS;
 use crate::linalg::MultiVector;
 use crate::mesh::Mesh;
-use crate::progress::{Interrupted, Progress};
+use crate::progress::{Interrupted, Progress, Stage};
 use crate::radiosity::{Direct, Projected, Shown, Solution};
 use crate::scene::Camera;
 use crate::visibility::Bvh;
@@ -68,7 +68,7 @@ pub fn render(solution: &Solution, options: &RenderOptions, progress: &dyn Progr
     let camera = options.camera.or(solution.scene.camera);
     let camera = camera.unwrap_or_else(|| fitting_camera(&solution.scene.mesh, DVec3::Y, aspect));
     let view = View { solution, shown, lit, frame: Frame::new(&camera), cells: cells(&solution.scene.mesh) };
-    progress.begin("render", height as u64);
+    let stage = Stage::begin(progress, "render", height as u64);
     let mut pixels = vec![[0.0; 4]; width * height];
     let rows = pixels.par_chunks_mut(width.max(1)).enumerate();
     let rows = rows.try_for_each(|(y, row)| {
@@ -81,7 +81,7 @@ pub fn render(solution: &Solution, options: &RenderOptions, progress: &dyn Progr
         progress.advance(1);
         Ok(())
     });
-    progress.end();
+    drop(stage);
     rows.map(|()| Image { width, height, pixels })
 }
 
@@ -185,13 +185,13 @@ struct Lit<'a> {
 impl<'a> Lit<'a> {
     fn new(solution: &'a Solution, progress: &dyn Progress) -> Result<Self, Interrupted> {
         let (direct, space) = (Direct::new(solution), &solution.space);
-        progress.begin("direct light", space.cells() as u64);
+        let stage = Stage::begin(progress, "direct light", space.cells() as u64);
         let project = |cell: usize| {
             progress.advance(1);
             if progress.interrupted() { Err(Interrupted) } else { Ok(direct.projected(cell)) }
         };
         let projected: Vec<Projected> = (0..space.cells()).into_par_iter().map(project).collect::<Result<_, _>>()?;
-        progress.end();
+        drop(stage);
         let mut reflected = solution.irradiance.clone();
         for (cell, projected) in projected.iter().enumerate() {
             for band in 0..solution.bands() {

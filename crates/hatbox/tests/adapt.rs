@@ -338,7 +338,7 @@ struct Points(AtomicU64);
 
 impl Progress for Points {
     fn begin(&self, stage: &'static str, total: u64) {
-        if stage == "estimating the error" {
+        if stage == "at points" {
             self.0.fetch_add(total, Ordering::Relaxed);
         }
     }

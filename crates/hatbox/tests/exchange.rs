@@ -112,7 +112,7 @@ fn a_furnace_glows_evenly() {
 fn power_is_balanced() {
     for_all(|kind, basis| {
         let system = System::build(&room(0.6, [0.0, 100.0]), &options(kind, basis), &Silent).expect("built");
-        let energy = system.energy(&tightly(&system));
+        let energy = system.energy(&tightly(&system), &Silent).expect("not interrupted");
         assert!(energy.defect() < 1e-6, "{} {}: defect {}", kind.name, basis.name, energy.defect());
         let escaped = (energy.escaped[0] / energy.emitted[0]).abs();
         let allowed = if kind.name == exchange::Dense::NAME { 1e-8 } else { TOLERANCE };

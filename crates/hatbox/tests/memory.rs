@@ -12,7 +12,7 @@ use hatbox::mesh::{Mesh, Refinement};
 use hatbox::progress::{Progress, Silent};
 use hatbox::radiosity::{Error, Options, System, solve};
 use hatbox::scene::{Material, Physics, Quantity, Scene};
-use hatbox::solve::{Kind as Solver, SolveError};
+use hatbox::solve::{self as solvers, Kind as Solver, SolveError};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -67,7 +67,8 @@ fn memory_does_not_change_a_bit_of_many_bands_each_of_which_is_what_it_is_alone(
             let options = Options { basis, ..options(500, memory) };
             System::build(&scene, &options, &Silent).expect("built").exchange
         });
-        let value = |row: usize, band: usize| ((row + 1) as f64 * (0.3 + band as f64)).sin();
+        // Of single precision, as those of a search are.
+        let value = |row: usize, band: usize| f64::from(((row + 1) as f64 * (0.3 + band as f64)).sin() as f32);
         let x = MultiVector::from_fn(stored.rows(), 14, value);
         let alone: Vec<MultiVector> = (0..x.bands()).map(|band| stored.times(&x.one_band(band))).collect();
         for bands in 1..=x.bands() {
@@ -87,6 +88,8 @@ fn memory_does_not_change_a_bit_of_many_bands_each_of_which_is_what_it_is_alone(
 struct Listener {
     patience: Option<u64>,
     asked: AtomicU64,
+    /// Steps that were done after that.
+    late: AtomicU64,
     /// Stages in the order in which they begin: their names, steps, and steps that are done.
     stages: Mutex<Vec<(&'static str, u64, u64)>>,
     /// Those that have not ended.
@@ -103,6 +106,9 @@ impl Progress for Listener {
     fn advance(&self, steps: u64) {
         let innermost = *self.open.lock().expect("no panics").last().expect("a stage");
         self.stages.lock().expect("no panics")[innermost].2 += steps;
+        if self.patience.is_some_and(|patience| self.asked.load(Ordering::Relaxed) > patience) {
+            self.late.fetch_add(steps, Ordering::Relaxed);
+        }
     }
 
     fn end(&self) {
@@ -134,10 +140,68 @@ fn work_whose_rays_are_cast_again_tells_where_it_is_and_stops_at_any_time() {
         let asked = listener.asked.into_inner();
         for part in 1..20 {
             let patience = Some(asked * part / 20);
-            let stopped = solve(&scene, &options, &Listener { patience, ..Listener::default() }).map(drop);
+            let listener = Listener { patience, ..Listener::default() };
+            let stopped = solve(&scene, &options, &listener).map(drop);
             assert_eq!(failure::Failure::from(stopped.expect_err("stopped")), failure::Failure::Interrupted, "{part}");
+            assert!(listener.open.into_inner().expect("no panics").is_empty(), "what begins ends");
+            // The work of other threads.
+            let late = listener.late.into_inner();
+            assert!(late < solved.solution.space.cells() as u64 / 2, "{part}: {late}");
         }
     }
+}
+
+/// Nobody heard of these products.
+#[test]
+fn every_product_in_which_rays_are_cast_again_is_told() {
+    let told = |work: &dyn Fn(&Listener)| {
+        let listener = Listener::default();
+        work(&listener);
+        let stages = listener.stages.into_inner().expect("no panics");
+        stages.iter().filter(|(name, ..)| *name == "casting rays again").count()
+    };
+    let mut scene = scene(false);
+    let mut materials = scene.materials.clone();
+    materials[0].reflectance = Quantity::function(|site, _| 0.3 + 0.1 * site.position.x.sin());
+    scene.set_materials(materials).expect("as many");
+    let build = |progress: &dyn Progress| System::build(&scene, &options(2000, 1), progress).expect("built");
+    let system = build(&Silent);
+    let solver = system.best_solver();
+    let (solution, _) = system.solve(solver, &system.solver_params(solver), &Silent).expect("solved");
+    // Two halves of the rays, and sums of rows.
+    assert_eq!(told(&|listener| drop(build(listener))), 3);
+    assert_eq!(told(&|listener| assert!(system.operator_norm(listener).is_ok())), 4);
+    assert_eq!(told(&|listener| assert!(system.operator_error(&solution, listener).is_ok())), 2);
+    assert_eq!(told(&|listener| assert!(system.energy(&solution, listener).is_ok())), 1);
+}
+
+/// A search that began afresh sooner where less memory was left had other digits.
+#[test]
+fn memory_does_not_change_a_bit_of_what_takes_many_products() {
+    let mut scene = scene(false);
+    let bright = |material: &Material| Material { reflectance: Quantity::gray(0.99), ..material.clone() };
+    scene.set_materials(scene.materials.iter().map(bright).collect()).expect("as many");
+    let solved = |memory: usize| {
+        let system = System::build(&scene, &options(1000, memory), &Silent).expect("built");
+        let params = solvers::Params { tolerance: 1e-4, ..system.solver_params(Solver::Gmres) };
+        let (solution, info) = system.solve(Solver::Gmres, &params, &Silent).expect("solved");
+        (solution.radiosity, info.iterations, system.exchange.statistics().bytes)
+    };
+    let (radiosity, iterations, bytes) = solved(exchange::MEMORY);
+    assert!(iterations > 9, "{iterations}");
+    for memory in [bytes, 1] {
+        assert_eq!(solved(memory).0, radiosity, "{memory}");
+    }
+}
+
+/// The last of the cells are no whole chunk, and were cast again whatever was allowed.
+#[test]
+fn what_is_said_to_hold_all_rays_holds_all() {
+    let scene = scene(false);
+    let stored =
+        |memory: usize| System::build(&scene, &options(2000, memory), &Silent).expect("built").exchange.statistics();
+    let most = stored(exchange::MEMORY);
+    assert_eq!(stored(most.bytes + most.bytes / 20), most);
 }
 
 /// What an interrupted product leaves looks like a solution: nothing is missing where nothing arrives.

@@ -293,7 +293,7 @@ mod what_was_learnt {
         let system = System::build(&scene.expect("valid"), &options, &Silent).expect("built");
         let (solution, info) = solved(&system);
         assert!(info.iterations < 60, "{}", info.iterations);
-        let power = system.energy(&solution);
+        let power = system.energy(&solution, &Silent).expect("not interrupted");
         assert!(power.leaving[0] > 0.0 && power.defect() < 1e-3, "{power:?}");
     }
 

@@ -44,7 +44,7 @@ class _Tqdm:
             self.close()
             self._stage = stage
             self._bar = self._tqdm(total=total, desc=stage, leave=False, file=sys.stderr)
-        self._bar.n = min(done, total)
+        self._bar.total, self._bar.n = total, min(done, total)
         self._bar.refresh()
 
     def close(self) -> None:

@@ -24,7 +24,13 @@ fn what_is_killed_goes_on_to_the_same_bits() {
     succeed(&mut solve(&whole));
     for attempt in 1..6 {
         let mut command = solve(&resumed);
-        let mut child = command.arg("--checkpoint").arg(&checkpoint).stderr(Stdio::null()).spawn().expect("it runs");
+        let mut child = command
+            .arg("--checkpoint")
+            .arg(&checkpoint)
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("it runs");
         std::thread::sleep(Duration::from_millis(40 * attempt));
         let _ = child.kill();
         child.wait().expect("it ends");

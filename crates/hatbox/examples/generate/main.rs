@@ -4,7 +4,19 @@
 
 mod kinds;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    run().map_or_else(
+        |error| {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        },
+        |()| ExitCode::SUCCESS,
+    )
+}
+
+fn run() -> Result<(), Box<dyn std::error::Error>> {
     let (mut kind, mut elements, mut output) = (None, 1000, None);
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {

@@ -35,7 +35,7 @@ use crate::assemble::Panel;
 use crate::element::{Basis, Polynomial};
 use crate::exchange::{Geometry, Views, is_sealed};
 use crate::mesh::Patch;
-use crate::progress::{Interrupted, Progress};
+use crate::progress::{Interrupted, Progress, Stage};
 use crate::quadrature::rule;
 use crate::radiosity::Solution;
 use crate::scene::{Material, Scene};
@@ -357,7 +357,7 @@ impl<'a> Bounding<'a> {
         bound: f64,
         progress: &dyn Progress,
     ) -> Result<Vec<Receiver>, Interrupted> {
-        progress.begin("bounding the error", parts.len() as u64);
+        let stage = Stage::begin(progress, "bounding the error", parts.len() as u64);
         let area: f64 = self.panels.iter().map(Panel::area).sum();
         // Where nothing is reflected there is nothing to be relative to.
         let fine = self.norms.map(|norm| if norm > 0.0 { FINE * bound * norm / area.sqrt() } else { f64::INFINITY });
@@ -366,7 +366,7 @@ impl<'a> Bounding<'a> {
             if progress.interrupted() { Err(Interrupted) } else { Ok(self.receiver(panel, patch, sight, fine)) }
         };
         let receivers = parts.into_par_iter().map(of).collect();
-        progress.end();
+        drop(stage);
         receivers
     }
 

@@ -298,7 +298,7 @@ impl Exchange for Balanced {
         if self.is_as_built() {
             self.exchange.times_joined([c, transpose], x, progress)
         } else {
-            Ok(transpose.times(&self.times(&c.times(x))))
+            super::one_after_the_other(self, [c, transpose], x, progress)
         }
     }
 

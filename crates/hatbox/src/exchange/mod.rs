@@ -124,7 +124,7 @@ pub trait Exchange: LinearOperator + Send {
         x: &MultiVector,
         progress: &dyn Progress,
     ) -> Result<MultiVector, Interrupted> {
-        Ok(transpose.times(&self.times_watched(&c.times(x), progress)?))
+        one_after_the_other(self, [c, transpose], x, progress)
     }
 
     /// For each cell the estimated error of its irradiance, relative to the mean radiosity: that of the scene that the operator
@@ -138,6 +138,16 @@ pub trait Exchange: LinearOperator + Send {
     fn irradiance(&self, _cell: usize, _at: [f64; 2], _x: &MultiVector, _seed: u64) -> Option<Vec<f64>> {
         None
     }
+}
+
+/// Cᵀ S C x by its parts.
+fn one_after_the_other<S: Exchange + ?Sized>(
+    s: &S,
+    [c, transpose]: [&Csr; 2],
+    x: &MultiVector,
+    progress: &dyn Progress,
+) -> Result<MultiVector, Interrupted> {
+    Ok(transpose.times(&s.times_watched(&c.times(x), progress)?))
 }
 
 /// How an operator is to be built.
@@ -190,7 +200,8 @@ impl Params {
 /// So many bytes in words, rounded up.
 fn size(bytes: usize) -> String {
     match bytes {
-        0..10_000_000_000 => format!("{} MB", bytes.div_ceil(1_000_000)),
+        0..10_000_000 => format!("{} kB", bytes.div_ceil(1000)),
+        10_000_000..10_000_000_000 => format!("{} MB", bytes.div_ceil(1_000_000)),
         10_000_000_000..10_000_000_000_000 => {
             let tenths = bytes.div_ceil(100_000_000);
             format!("{}.{} GB", tenths / 10, tenths % 10)
@@ -342,7 +353,7 @@ mod tests {
 
     #[test]
     fn sizes_are_told_in_units_that_fit() {
-        let sizes = [5, 1_600_000_000, 17_179_869_184, 9_001_951_000_000_000];
-        assert_eq!(sizes.map(size), ["1 MB", "1600 MB", "17.2 GB", "9002 TB"]);
+        let sizes = [5, 1_234_567, 1_600_000_000, 17_179_869_184, 9_001_951_000_000_000];
+        assert_eq!(sizes.map(size), ["1 kB", "1235 kB", "1600 MB", "17.2 GB", "9002 TB"]);
     }
 }

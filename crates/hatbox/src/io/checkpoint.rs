@@ -18,7 +18,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The first bytes of such a file; its format has a number.
 const MAGIC: [u8; 8] = *b"hatbox\0\x07";
@@ -51,6 +51,15 @@ pub struct Earlier {
     pub cut: u64,
 }
 
+/// Stages that have begun.
+#[derive(Default)]
+struct Stages {
+    /// Those that have not ended, the innermost last.
+    open: Vec<u64>,
+    /// How many of each name have begun.
+    begun: HashMap<&'static str, u64>,
+}
+
 /// A listener that keeps what is finished.
 pub struct Checkpoint<P> {
     listener: P,
@@ -59,9 +68,7 @@ pub struct Checkpoint<P> {
     file: Mutex<File>,
     known: Known,
     cut: u64,
-    /// The stage that began last, and how many of each name have begun.
-    stage: AtomicU64,
-    begun: Mutex<HashMap<&'static str, u64>>,
+    stages: Mutex<Stages>,
     /// Whether something could not be kept, as where a disk is full.
     failed: AtomicBool,
 }
@@ -95,8 +102,7 @@ impl<P: Progress> Checkpoint<P> {
             file: Mutex::new(file),
             known,
             cut,
-            stage: AtomicU64::new(0),
-            begun: Mutex::default(),
+            stages: Mutex::default(),
             failed: AtomicBool::new(false),
         })
     }
@@ -115,16 +121,18 @@ impl<P: Progress> Checkpoint<P> {
     }
 
     fn key(&self, step: u64) -> [u64; 2] {
-        [self.stage.load(Ordering::Relaxed), step]
+        let stage = self.stages.lock().ok().and_then(|stages| stages.open.last().copied());
+        [stage.unwrap_or(0), step]
     }
 }
 
 impl<P: Progress> Progress for Checkpoint<P> {
     fn begin(&self, stage: &'static str, total: u64) {
-        if let Ok(mut begun) = self.begun.lock() {
-            let number = begun.entry(stage).or_default();
+        if let Ok(mut stages) = self.stages.lock() {
+            let number = stages.begun.entry(stage).or_default();
             *number += 1;
-            self.stage.store(digest(*number, stage.as_bytes()), Ordering::Relaxed);
+            let key = digest(*number, stage.as_bytes());
+            stages.open.push(key);
         }
         self.listener.begin(stage, total);
     }
@@ -134,6 +142,9 @@ impl<P: Progress> Progress for Checkpoint<P> {
     }
 
     fn end(&self) {
+        if let Ok(mut stages) = self.stages.lock() {
+            stages.open.pop();
+        }
         self.listener.end();
     }
 
@@ -286,6 +297,34 @@ mod tests {
                 }
             }
             assert_eq!(std::fs::read(&path).expect("the file"), whole, "cut at {length}");
+        }
+    }
+
+    /// As rays that are cast again while something else goes on, more or less often, as memory has it.
+    #[test]
+    fn stages_within_others_change_no_place() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("work");
+        let work = |inner: usize| {
+            let checkpoint = open(&path, 7).expect("a checkpoint");
+            let found: Vec<Option<Vec<u8>>> = (0..2)
+                .map(|round| {
+                    checkpoint.begin("outer", 1);
+                    for _ in 0..inner {
+                        checkpoint.begin("inner", 1);
+                        checkpoint.end();
+                    }
+                    let found = checkpoint.recall(0);
+                    checkpoint.keep(0, &[round]);
+                    checkpoint.end();
+                    found
+                })
+                .collect();
+            found
+        };
+        assert_eq!(work(1), [None, None]);
+        for inner in [0, 3] {
+            assert_eq!(work(inner), [Some(vec![0]), Some(vec![1])]);
         }
     }
 

@@ -9,7 +9,7 @@ use super::atomic;
 use super::csv::quoted;
 use super::npy::{self, Scalar};
 use super::write::WriteError;
-use crate::progress::{Interrupted, Progress};
+use crate::progress::{Interrupted, Progress, Stage};
 use crate::view_factors::{RowCheck, ViewFactors};
 use std::io::{self, Seek, Write};
 use std::path::Path;
@@ -69,9 +69,9 @@ pub fn writer_for(path: &Path) -> Result<&'static FactorOutput, WriteError> {
 /// an old one is as it was.
 pub fn write(factors: &ViewFactors, path: &Path, progress: &dyn Progress) -> Result<(), WriteError> {
     let output = writer_for(path)?;
-    progress.begin("writing", factors.len() as u64);
+    let stage = Stage::begin(progress, "writing", factors.len() as u64);
     let result = (output.write)(&Source { factors, progress }, path);
-    progress.end();
+    drop(stage);
     result.map_err(|error| {
         let inner = error.source.get_ref().and_then(|inner| inner.downcast_ref::<Interrupted>());
         if inner.is_some() { WriteError::Interrupted(Interrupted) } else { WriteError::File(error) }

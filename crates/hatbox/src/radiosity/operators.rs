@@ -4,11 +4,12 @@ use super::products::Product;
 use crate::exchange::Exchange;
 use crate::linalg::{BlockDiagonal, Csr, Diagonal, LinearOperator, MultiVector, each};
 use crate::progress::{Interrupted, Progress, Silent};
-use crate::solve::{Params, Scaled, cg, chebyshev};
+use crate::solve::{Params, Scaled, SolveError, cg, chebyshev};
 use crate::space::FunctionSpace;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Rows of a piece of work, of which a near cache has room: a multiple of what most elements have, so that blocks stay whole where all are alike.
 const ROWS: usize = 3 << 10;
@@ -193,12 +194,25 @@ impl LinearOperator for InverseMass<'_> {
 
 /// What arrives from a function: S C, or Cᵀ S C, where linear triangles are joined a sixth of the numbers.
 pub(super) struct Arriving<'a> {
-    pub(super) join: &'a Join,
-    pub(super) exchange: &'a dyn Exchange,
+    join: &'a Join,
+    exchange: &'a dyn Exchange,
     /// Whether it is collected: tested with the joined functions instead of the broken ones.
-    pub(super) collected: bool,
-    /// Hears of products that take long. Of one that it interrupts nothing arrives: whoever asked has to look.
-    pub(super) progress: &'a dyn Progress,
+    collected: bool,
+    /// Hears of products that take long.
+    progress: &'a dyn Progress,
+    /// Whether it has interrupted one, of which nothing arrives.
+    interrupted: AtomicBool,
+}
+
+impl<'a> Arriving<'a> {
+    pub(super) fn new(join: &'a Join, exchange: &'a dyn Exchange, collected: bool, progress: &'a dyn Progress) -> Self {
+        Self { join, exchange, collected, progress, interrupted: AtomicBool::new(false) }
+    }
+
+    /// What a solver has made of products, be it an error, unless one was interrupted: that is nothing then.
+    pub(super) fn unless_interrupted<T>(&self, found: Result<T, SolveError>) -> Result<T, SolveError> {
+        if self.interrupted.load(Ordering::Relaxed) { Err(Interrupted.into()) } else { found }
+    }
 }
 
 impl LinearOperator for Arriving<'_> {
@@ -217,7 +231,10 @@ impl LinearOperator for Arriving<'_> {
             Some([c, transpose, _]) if self.collected => self.exchange.times_joined([c, transpose], x, self.progress),
             _ => self.exchange.times_watched(&self.join.spread(Cow::Borrowed(x)), self.progress),
         };
-        arriving.unwrap_or_else(|Interrupted| MultiVector::zeros(self.rows(), x.bands()))
+        arriving.unwrap_or_else(|Interrupted| {
+            self.interrupted.store(true, Ordering::Relaxed);
+            MultiVector::zeros(self.rows(), x.bands())
+        })
     }
 }
 

@@ -3,7 +3,7 @@
 use super::{Solution, Sources, local_error};
 use crate::element::ALL;
 use crate::linalg::MultiVector;
-use crate::progress::{Interrupted, Progress};
+use crate::progress::{Interrupted, Progress, Stage};
 use crate::quadrature::sequence::hash;
 use crate::scene::{Material, Quantity, Scene};
 use crate::space::FunctionSpace;
@@ -18,7 +18,7 @@ use rayon::prelude::*;
 pub fn gathered(solution: &Solution, seed: u64, progress: &dyn Progress) -> Result<Solution, Interrupted> {
     let (scene, space) = (&solution.scene, &solution.space);
     let (sources, nodes) = (Sources::all(solution), nodes(space));
-    progress.begin("gathering", nodes.len() as u64);
+    let stage = Stage::begin(progress, "gathering", nodes.len() as u64);
     let values: Result<Vec<Vec<[f64; 2]>>, Interrupted> = nodes
         .par_iter()
         .enumerate()
@@ -30,7 +30,7 @@ pub fn gathered(solution: &Solution, seed: u64, progress: &dyn Progress) -> Resu
             Ok(at_node(scene, &sources, cell, space.element(cell).nodes[node].at, hash(seed, k as u64)))
         })
         .collect();
-    progress.end();
+    drop(stage);
     let values = values?;
     let spread = |which: usize| {
         MultiVector::from_fn(space.broken_dofs(), solution.bands(), |dof, band| match space.continuity() {

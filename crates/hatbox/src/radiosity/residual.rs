@@ -33,7 +33,7 @@ use super::{Shown, Solution, System};
 use crate::exchange::Exchange;
 use crate::linalg::{LinearOperator, MultiVector};
 use crate::mesh::{Patch, Side};
-use crate::progress::{Interrupted, Progress};
+use crate::progress::{Interrupted, Progress, Stage};
 use crate::quadrature::sequence::{hash, point};
 use crate::solve::{Info, SolveError};
 use crate::space::{COPLANAR_ANGLE, CREASE_ANGLE, joints};
@@ -125,10 +125,13 @@ pub fn estimate_error(
     progress: &dyn Progress,
 ) -> Result<Estimated, SolveError> {
     let measure = Measure::new(system, solution, sampling);
+    let stage = Stage::begin(progress, "estimating the error", 3);
     let samples = measure.samples(progress)?;
+    progress.advance(1);
     let propagated = measure.propagated(&samples, progress)?;
+    progress.advance(1);
     let (residuals, seen) = (measure.residuals(&samples), measure.seen(&samples));
-    let energy = system.energy(solution);
+    let energy = system.energy(solution, progress)?;
     let worst = |f: &dyn Fn(usize) -> f64| (0..solution.bands()).map(f).fold(0.0, greater);
     let absorption = |band: usize| {
         let (emitted, leaving) = (energy.emitted[band], energy.leaving[band]);
@@ -137,6 +140,7 @@ pub fn estimate_error(
     let whole = measure.norms_within(&solution.radiosity);
     let spread = system.operator_spread(solution, progress)?;
     let doubt = measure.doubt(&spread, progress)?;
+    drop(stage);
     let spread = measure.norms_within(&spread);
     let bends = measure.bends();
     // Where nothing is reflected there is nothing to be wrong but the last digits of the emission.
@@ -317,7 +321,7 @@ impl<'a> Measure<'a> {
         seed: u64,
         progress: &dyn Progress,
     ) -> Result<Vec<Sample>, SolveError> {
-        progress.begin("estimating the error", points as u64);
+        let stage = Stage::begin(progress, "at points", points as u64);
         let samples: Result<Vec<Sample>, Interrupted> = (0..points)
             .into_par_iter()
             .map(|k| {
@@ -325,7 +329,7 @@ impl<'a> Measure<'a> {
                 if progress.interrupted() { Err(Interrupted) } else { Ok(self.sample(k as u32, points, spread, seed)) }
             })
             .collect();
-        progress.end();
+        drop(stage);
         Ok(samples?)
     }
 

@@ -25,8 +25,10 @@ use std::sync::Arc;
 const CANCELLED: f64 = 100.0;
 /// Who goes farther than this does not search: kept numbers have seven digits.
 pub(super) const FARTHEST: f64 = 1e-5;
-/// Directions at the least before the search begins afresh.
+/// Directions at the least before the search begins afresh, and bytes that more of them may take. (With the memory that an operator has
+/// left of what it is allowed, its solution depended on that.)
 const FEWEST: usize = 8;
+const MOST_BYTES: usize = 4 << 30;
 
 /// B from the emission's coefficients, and what arrives of it, by GMRES for the light that is reflected.
 pub(super) fn reflected_exactly(
@@ -45,15 +47,6 @@ pub(super) fn reflected_exactly(
     Ok((b, arrived, info))
 }
 
-/// How much may be remembered.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Room {
-    /// Bytes for the search.
-    pub(super) search: usize,
-    /// Bytes for what other lights and paints may use.
-    pub(super) products: usize,
-}
-
 /// The reflected light of an emission, and where it is sought.
 pub(super) struct Search<'a> {
     equation: Equation<'a>,
@@ -70,7 +63,8 @@ pub(super) struct Search<'a> {
     /// Functions of a band at the most.
     most: usize,
     kept: Products,
-    room: Room,
+    /// Bytes that these may take.
+    most_kept: usize,
 }
 
 /// Functions of a band.
@@ -136,15 +130,15 @@ impl<'a> Search<'a> {
         equation: Equation<'a>,
         emission: MultiVector,
         known: &Products,
-        room: Room,
+        most_kept: usize,
         restart: usize,
     ) -> Self {
         let mut kept = Products::default();
-        let arrived = arrived_of(&equation, &emission, known, &mut kept, room);
+        let arrived = arrived_of(&equation, &emission, known, &mut kept, most_kept);
         let target = equation.first_bounce(arrived.clone());
         // A function, what arrives of it, and what the equation makes of it.
         let bytes = target.bands() * (arrived.rows() + 2 * target.rows()) * size_of::<f32>();
-        let most = (room.search / bytes.max(1)).clamp(FEWEST, restart.max(FEWEST));
+        let most = (MOST_BYTES / bytes.max(1)).clamp(FEWEST, restart.max(FEWEST));
         let mut rest = MultiVector::zeros(target.rows(), target.bands());
         let mut spaces = vec![Space::new(&equation); target.bands()];
         let columns = rest.as_mut_slice().par_chunks_mut(target.rows().max(1)).zip(&mut spaces);
@@ -155,7 +149,7 @@ impl<'a> Search<'a> {
             space.fit(target.band(band), rest);
         });
         let (first_bounce, found) = (target.norms(), [emission, arrived]);
-        Self { equation, found, first_bounce, target, rest, spaces, most, kept, room }
+        Self { equation, found, first_bounce, target, rest, spaces, most, kept, most_kept }
     }
 
     /// The norm of the light that is reflected once, in each band.
@@ -204,7 +198,7 @@ impl<'a> Search<'a> {
         arrived.add_scaled(1.0, &image);
         let products = Product::of_bands(&step, &image);
         for band in open {
-            self.kept.keep(band, &products[band], self.room.products);
+            self.kept.keep(band, &products[band], self.most_kept);
         }
         self.rest.as_mut_slice().fill(0.0);
         let converged = info.converged.iter().map(|n| done.iterations + n).collect();
@@ -249,7 +243,7 @@ impl SearchSpace for Search<'_> {
         let image = self.equation.transport.seen.times(&directions);
         let products = Product::of_bands(&directions, &image);
         drop((directions, image));
-        keep(&mut self.kept, bands, &products, self.room);
+        keep(&mut self.kept, bands, &products, self.most_kept);
         let mut new: Vec<Option<Arc<Product>>> = vec![None; self.spaces.len()];
         bands.iter().zip(products).for_each(|(&band, product)| new[band] = Some(product));
         let (equation, target) = (&self.equation, &self.target);
@@ -269,7 +263,7 @@ fn arrived_of(
     emission: &MultiVector,
     known: &Products,
     kept: &mut Products,
-    room: Room,
+    most_kept: usize,
 ) -> MultiVector {
     let seen = equation.transport.seen;
     let mut arrived = MultiVector::zeros(seen.rows(), emission.bands());
@@ -282,8 +276,8 @@ fn arrived_of(
     }
     let asked = rounded(emission, &bands);
     let image = seen.times(&asked);
-    if room.products > 0 {
-        keep(kept, &bands, &Product::of_bands(&asked, &image), room);
+    if most_kept > 0 {
+        keep(kept, &bands, &Product::of_bands(&asked, &image), most_kept);
     }
     if bands.len() == emission.bands() {
         return image;
@@ -293,6 +287,6 @@ fn arrived_of(
 }
 
 /// Keeps products of these bands.
-fn keep(kept: &mut Products, bands: &[usize], products: &[Arc<Product>], room: Room) {
-    bands.iter().zip(products).for_each(|(&band, product)| kept.keep(band, product, room.products));
+fn keep(kept: &mut Products, bands: &[usize], products: &[Arc<Product>], most_kept: usize) {
+    bands.iter().zip(products).for_each(|(&band, product)| kept.keep(band, product, most_kept));
 }

@@ -257,7 +257,7 @@ impl System {
             .transpose()?;
         let error_time = asked.elapsed();
         let solved = Solved {
-            energy: self.energy(&solution),
+            energy: self.energy(&solution, progress).map_err(SolveError::from)?,
             unknowns: self.space.dofs(),
             operator: self.exchange.statistics(),
             closure: self.exchange.closure,

@@ -55,11 +55,6 @@ fn greatest_reflectance(scene: &Scene) -> f64 {
     (0..scene.mesh.cells.len()).map(of).fold(0.0, f64::max)
 }
 
-/// A product that was interrupted is nothing, and so is what a solver has made of it, be it an error.
-fn unless_interrupted<T>(found: Result<T, SolveError>, progress: &dyn Progress) -> Result<T, SolveError> {
-    if progress.interrupted() { Err(Interrupted.into()) } else { found }
-}
-
 /// S, balanced, and why it is of that kind, if it was chosen.
 fn operator(
     geometry: &Geometry<'_>,
@@ -296,8 +291,7 @@ impl System {
             return Ok(self.solve_for(self.load(), kind, params, progress)?);
         }
         let (emission, bytes) = (self.emission().clone(), self.most_products());
-        let found = self.solve_reflected(emission, &self.known, bytes, params, progress);
-        let (solution, info, products) = unless_interrupted(found, progress)?;
+        let (solution, info, products) = self.solve_reflected(emission, &self.known, bytes, params, progress)?;
         if params.tolerance >= FARTHEST {
             self.found.get_or_init(|| products);
         }
@@ -320,14 +314,13 @@ impl System {
         params: &solve::Params,
         progress: &dyn Progress,
     ) -> Result<(Solution, Info), SolveError> {
-        let found = match (kind, self.root_reflectance()) {
+        match (kind, self.root_reflectance()) {
             (solve::Kind::Cg, Some(root)) => self.solve_symmetric(load, &root, params, progress),
             (solve::Kind::Neumann, _) => self.solve_by_bounces(load, params, progress),
             _ => self
                 .solve_reflected(self.emission_of(load), &Products::default(), 0, params, progress)
                 .map(|(solution, info, _)| (solution, info)),
-        };
-        unless_interrupted(found, progress)
+        }
     }
 
     /// Whether all that is asked of what arrives are its integrals against the joined functions: R does not vary on what is
@@ -432,7 +425,10 @@ impl System {
     }
 
     /// Where the power of a solution goes.
-    pub fn energy(&self, solution: &Solution) -> Energy {
+    ///
+    /// # Errors
+    /// [`Interrupted`].
+    pub fn energy(&self, solution: &Solution, progress: &dyn Progress) -> Result<Energy, Interrupted> {
         let total = |x: &[f64]| x.iter().sum::<f64>();
         // ∫ of each band of a function, one at a time: of millions of cells each vector is large.
         let integrals = |function: &MultiVector| -> Vec<f64> {
@@ -443,18 +439,18 @@ impl System {
         let irradiance = if self.is_reflectance_uniform() {
             Cow::Borrowed(&solution.irradiance)
         } else {
-            Cow::Owned(self.mass_inverse.times(&self.exchange.times(&solution.radiosity)))
+            Cow::Owned(self.mass_inverse.times(&self.exchange.times_watched(&solution.radiosity, progress)?))
         };
         let reflected = self.weighted_mass().times(&irradiance);
         let [leaving, arrived] = [&solution.radiosity, &*irradiance].map(integrals);
         let less = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect();
         let reflected: Vec<f64> = reflected.iter_bands().map(total).collect();
-        Energy {
+        Ok(Energy {
             emitted: self.load().iter_bands().map(total).collect(),
             absorbed: less(&arrived, &reflected),
             escaped: less(&leaving, &arrived),
             leaving,
-        }
+        })
     }
 
     /// Irradiance at any point, from a solution of this system.

@@ -16,7 +16,7 @@
 use super::Surface;
 use super::check::greatest;
 use super::matrix::{Correction, Gain, Matrix};
-use crate::progress::{Interrupted, Progress};
+use crate::progress::{Interrupted, Progress, Stage};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -128,7 +128,7 @@ pub(super) fn close(
         _ => Gain::Product(vec![1.0; n]),
     };
     matrix.correction = Some(Correction { gain, caps: HashMap::new(), shrink: vec![1.0; n] });
-    progress.begin("closure", (ROUNDS * CAP_ROUNDS) as u64);
+    let stage = Stage::begin(progress, "closure", (ROUNDS * CAP_ROUNDS) as u64);
     for _ in 0..CAP_ROUNDS {
         problem.balance(matrix, progress)?;
         let Some(limits) = limits else { break };
@@ -142,7 +142,7 @@ pub(super) fn close(
         }
     }
     problem.shrink(matrix);
-    progress.end();
+    drop(stage);
     Ok(Closed {
         method,
         error_before: problem.error(&problem.before),

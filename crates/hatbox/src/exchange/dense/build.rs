@@ -11,7 +11,7 @@ use super::views::{Between, Views};
 use crate::assemble::{Accuracy, Batch, Block, Facing, Found, LANES, Panel, Sight, facing_block};
 use crate::exchange::tree::{LEAF, Tree};
 use crate::exchange::{Geometry, Params};
-use crate::progress::{Interrupted, Progress};
+use crate::progress::{Interrupted, Progress, Stage};
 use crate::visibility::{Body, Occluders};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -101,7 +101,7 @@ impl Builder<'_> {
         for (k, (&cluster, rows)) in clusters.iter().zip(parts).enumerate() {
             strands[k % STRANDS].push(Run { cluster, rows });
         }
-        progress.begin("form factors", (cells * cells.saturating_sub(1) / 2) as u64);
+        let stage = Stage::begin(progress, "form factors", (cells * cells.saturating_sub(1) / 2) as u64);
         let integrated = |mut runs: Vec<Run<'t>>| {
             let mut sums = Sums::new(cells);
             for run in &mut runs {
@@ -110,14 +110,14 @@ impl Builder<'_> {
             Ok(Strand { runs, sums })
         };
         let strands = strands.into_par_iter().with_max_len(1).map(integrated).collect::<Result<_, _>>()?;
-        progress.end();
+        drop(stage);
         Ok(strands)
     }
 
     /// Integrates the partially hidden pairs of rows that have limits once more, and returns the sums over these pairs.
     fn mend(&self, limits: &Limits, strands: &mut [Strand<'_>], progress: &dyn Progress) -> Result<Sums, Interrupted> {
         let (again, cells) = (Builder { limits: Some(limits), ..*self }, self.panels.len());
-        progress.begin("shadows", (cells * cells.saturating_sub(1) / 2) as u64);
+        let stage = Stage::begin(progress, "shadows", (cells * cells.saturating_sub(1) / 2) as u64);
         let mend = |strand: &mut Strand<'_>| {
             let mut sums = Sums::new(cells);
             for run in &mut strand.runs {
@@ -126,7 +126,7 @@ impl Builder<'_> {
             Ok(sums)
         };
         let all: Vec<Sums> = strands.par_iter_mut().with_max_len(1).map(mend).collect::<Result<_, _>>()?;
-        progress.end();
+        drop(stage);
         let mut total = Sums::new(cells);
         for sums in &all {
             total.add(sums);

@@ -24,7 +24,7 @@ use super::dense::{Between, Views};
 use super::sampled::Cells;
 use super::{Geometry, Params};
 use crate::linalg::MultiVector;
-use crate::progress::{Interrupted, Progress};
+use crate::progress::{Interrupted, Progress, Stage};
 use crate::quadrature::rule;
 use crate::visibility::Occluders;
 use basis::{Basis, MOST};
@@ -327,7 +327,7 @@ fn all_links(search: &Search<'_>, progress: &dyn Progress) -> Result<Vec<Link>, 
     let [least, most] = PLANES;
     let needed = needed.count().clamp(least, most);
     roots.truncate(needed);
-    progress.begin("linking", roots.len() as u64);
+    let stage = Stage::begin(progress, "linking", roots.len() as u64);
     let of = |k: usize| {
         if progress.interrupted() {
             return Err(Interrupted);
@@ -340,7 +340,7 @@ fn all_links(search: &Search<'_>, progress: &dyn Progress) -> Result<Vec<Link>, 
         Ok(found)
     };
     let found: Vec<Vec<Link>> = (0..roots.len()).into_par_iter().with_max_len(1).map(of).collect::<Result<_, _>>()?;
-    progress.end();
+    drop(stage);
     Ok(found.into_iter().flatten().collect())
 }
 

@@ -50,7 +50,7 @@ use crate::element::Element;
 use crate::kernel::Frame;
 use crate::linalg::{Csr, LinearOperator, MultiVector};
 use crate::mesh::Cell;
-use crate::progress::{Interrupted, Progress, Silent};
+use crate::progress::{Interrupted, Progress, Silent, Stage};
 use crate::quadrature::sequence::{hash, point, unit};
 pub(super) use cells::Cells;
 use cells::Locator;
@@ -200,7 +200,7 @@ impl Sampled {
 
     /// Casts all rays, and stores as many as so many bytes are thought to have room for; how many bytes all would take, if it was guessed.
     fn cast(&mut self, memory: usize, progress: &dyn Progress) -> Result<usize, Interrupted> {
-        progress.begin("casting rays", self.cells.len() as u64);
+        let stage = Stage::begin(progress, "casting rays", self.cells.len() as u64);
         let chunks = self.cells.len().div_ceil(CHUNK);
         let of_cells = self.bytes_of_cells();
         let [keep, needed] = self.chunks_within(memory.saturating_sub(of_cells), progress)?;
@@ -220,7 +220,7 @@ impl Sampled {
             Ok(traced)
         };
         let traced: Vec<Traced> = (0..chunks).into_par_iter().map(trace).collect::<Result<_, _>>()?;
-        progress.end();
+        drop(stage);
         let area: f64 = traced.iter().map(|t| t.area).sum();
         self.escape = if area > 0.0 { traced.iter().map(|t| t.lost).sum::<f64>() / area } else { 0.0 };
         self.statistics.rays = traced.iter().map(|t| t.rays).sum();
@@ -288,7 +288,7 @@ impl Sampled {
         let fits = |&&[hits, _]: &&[usize; 2]| left.checked_sub(hits).map(|rest| left = rest).is_some();
         let kept = found.iter().take_while(fits).count();
         let all = found.iter().map(|[hits, lamps]| hits + lamps).sum::<usize>() * cells / some;
-        Ok([kept * cells / some / CHUNK, all])
+        Ok([if kept == some { usize::MAX } else { kept * cells / some / CHUNK }, all])
     }
 
     fn chunk(&self, chunk: usize) -> Range<usize> {

@@ -10,7 +10,7 @@ use super::product::{Row, Work};
 use super::source::{Coefficients, REGISTER, lanes_for};
 use super::{CHUNK, Sampled};
 use crate::linalg::{MultiVector, Number};
-use crate::progress::{Interrupted, Progress};
+use crate::progress::{Interrupted, Progress, Stage};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -117,15 +117,21 @@ impl Sampled {
             }
             return Ok(());
         }
-        progress.begin("casting rays again", (self.cells.len() - kept) as u64);
+        let stage = Stage::begin(progress, "casting rays again", (self.cells.len() - kept) as u64);
         let watched = |cell: usize, index: usize, part: usize, work: &mut Work| {
-            if cell < kept || !progress.interrupted() {
+            if cell < kept {
                 row(cell, index, part, work);
-                progress.advance(u64::from(cell >= kept && part == 0));
+            } else if !progress.interrupted() {
+                row(cell, index, part, work);
+                // Not by every cell: whoever listens may have to wait for others.
+                let chunk = self.chunk(cell / CHUNK);
+                if part == 0 && cell + 1 == chunk.end {
+                    progress.advance(chunk.len() as u64);
+                }
             }
         };
         self.by_rows(watched, parts, y, put);
-        progress.end();
+        drop(stage);
         if progress.interrupted() { Err(Interrupted) } else { Ok(()) }
     }
 

@@ -30,7 +30,7 @@ use std::ops::Range;
 pub(super) struct Work {
     cast: Vec<Hit>,
     cast_hits: Hits,
-    /// The cell whose rays were cast last.
+    /// The cell whose rays were cast last, in the same pass.
     cast_of: Option<usize>,
     value: Vec<f64>,
     fit: Vec<f64>,

@@ -2,7 +2,7 @@
 
 use super::super::operators::{Arriving, Equation, InverseMass, Reflection, ScaledInverse, Symmetric, Transport};
 use super::super::products::Products;
-use super::super::search::{FARTHEST, Room, Search, reflected_exactly};
+use super::super::search::{FARTHEST, Search, reflected_exactly};
 use super::{NUMBERS_OF_NOISE, ROUGH_MASS_TOLERANCE, Solution, System};
 use crate::exchange::Exchange;
 use crate::linalg::{LinearOperator, MultiVector};
@@ -25,7 +25,8 @@ impl System {
         let transport = Transport { join: &self.join, seen: &seen, reflection: &reflection };
         let right_side = self.join.collect(Cow::Borrowed(load));
         let mut b = self.inverse_mass().times(&right_side);
-        let info = neumann(&self.inverse_mass(), &transport, &right_side, &mut b, params, progress)?;
+        let found = neumann(&self.inverse_mass(), &transport, &right_side, &mut b, params, progress);
+        let info = seen.unless_interrupted(found)?;
         Ok((self.solution(self.join.spread(Cow::Owned(b)).into_owned(), progress)?, info))
     }
 
@@ -41,34 +42,44 @@ impl System {
         progress: &dyn Progress,
     ) -> Result<(Solution, Info, Products), SolveError> {
         let seen = self.arriving(progress);
+        let found = self.sought(&seen, (emission, known, bytes), params, progress);
+        let (b, arrived, info, products) = seen.unless_interrupted(found)?;
+        let (solution, steady) =
+            self.solution_of(self.join.spread(Cow::Owned(b)).into_owned(), arrived, self.collects());
+        Ok((self.without_noise(solution, steady, NUMBERS_OF_NOISE), info, products))
+    }
+
+    /// B as a joined function, and what arrives of it.
+    fn sought(
+        &self,
+        seen: &Arriving<'_>,
+        (emission, known, bytes): (MultiVector, &Products, usize),
+        params: &solve::Params,
+        progress: &dyn Progress,
+    ) -> Result<(MultiVector, MultiVector, Info, Products), SolveError> {
         let reflection = self.reflection();
-        let transport = Transport { join: &self.join, seen: &seen, reflection: &reflection };
+        let transport = Transport { join: &self.join, seen, reflection: &reflection };
         let equation = Equation::new(self.joined_mass(), transport);
         let roots = Arc::clone(&equation.roots);
         let inverse =
             |tolerance| ScaledInverse { inverse: InverseMass { tolerance, ..self.inverse_mass() }, roots: &roots };
         let preconditioner = inverse(1e-2 * params.tolerance);
-        let (b, arrived, info, products) = if self.exchange.is_symmetric() || params.tolerance < FARTHEST {
+        if self.exchange.is_symmetric() || params.tolerance < FARTHEST {
             let (b, arrived, info) = reflected_exactly(&equation, &preconditioner, emission, params, progress)?;
-            (b, arrived, info, Products::default())
+            return Ok((b, arrived, info, Products::default()));
+        }
+        let mut search = Search::new(equation, emission, known, bytes, params.restart);
+        let scales = search.first_bounce();
+        // Directions of a search need not be the same function of what is left each time.
+        let rough = inverse(ROUGH_MASS_TOLERANCE);
+        let mut info = solve::search(&mut search, &rough, scales, params, progress)?;
+        if info.residual > params.tolerance {
+            info = search.finish_by_gmres(&info, &preconditioner, params, progress)?;
         } else {
-            let room = Room { search: self.spare.saturating_sub(bytes), products: bytes };
-            let mut search = Search::new(equation, emission, known, room, params.restart);
-            let scales = search.first_bounce();
-            // Directions of a search need not be the same function of what is left each time.
-            let rough = inverse(ROUGH_MASS_TOLERANCE);
-            let mut info = solve::search(&mut search, &rough, scales, params, progress)?;
-            if info.residual > params.tolerance {
-                info = search.finish_by_gmres(&info, &preconditioner, params, progress)?;
-            } else {
-                info.residual = search.balance(params.tolerance);
-            }
-            let (b, arrived, products) = search.finish();
-            (b, arrived, info, products)
-        };
-        let (solution, steady) =
-            self.solution_of(self.join.spread(Cow::Owned(b)).into_owned(), arrived, self.collects());
-        Ok((self.without_noise(solution, steady, NUMBERS_OF_NOISE), info, products))
+            info.residual = search.balance(params.tolerance);
+        }
+        let (b, arrived, products) = search.finish();
+        Ok((b, arrived, info, products))
     }
 
     /// Bytes that products may take: half of what the operator does, if it has left as much.
@@ -78,7 +89,7 @@ impl System {
 
     /// What arrives, as [`reflection`](Self::reflection) wants it.
     fn arriving<'a>(&'a self, progress: &'a dyn Progress) -> Arriving<'a> {
-        Arriving { join: &self.join, exchange: &*self.exchange, collected: self.collects(), progress }
+        Arriving::new(&self.join, &*self.exchange, self.collects(), progress)
     }
 
     pub(super) fn solve_symmetric(
