@@ -199,13 +199,15 @@ impl Params {
 
 /// So many bytes in words, rounded up.
 fn size(bytes: usize) -> String {
+    let in_tenths = |tenth: usize, unit: &str| match (bytes.div_ceil(tenth) / 10, bytes.div_ceil(tenth) % 10) {
+        (whole, 0) => format!("{whole} {unit}"),
+        (whole, tenths) => format!("{whole}.{tenths} {unit}"),
+    };
     match bytes {
-        0..10_000_000 => format!("{} kB", bytes.div_ceil(1000)),
+        0..1_000_000 => format!("{} kB", bytes.div_ceil(1000)),
+        1_000_000..10_000_000 => in_tenths(100_000, "MB"),
         10_000_000..10_000_000_000 => format!("{} MB", bytes.div_ceil(1_000_000)),
-        10_000_000_000..10_000_000_000_000 => {
-            let tenths = bytes.div_ceil(100_000_000);
-            format!("{}.{} GB", tenths / 10, tenths % 10)
-        }
+        10_000_000_000..10_000_000_000_000 => in_tenths(100_000_000, "GB"),
         _ => format!("{} TB", bytes.div_ceil(1_000_000_000_000)),
     }
 }
@@ -353,7 +355,7 @@ mod tests {
 
     #[test]
     fn sizes_are_told_in_units_that_fit() {
-        let sizes = [5, 1_234_567, 1_600_000_000, 17_179_869_184, 9_001_951_000_000_000];
-        assert_eq!(sizes.map(size), ["1 kB", "1235 kB", "1600 MB", "17.2 GB", "9002 TB"]);
+        let sizes = [5, 1_000_000, 1_234_567, 1_600_000_000, 17_179_869_184, 9_001_951_000_000_000];
+        assert_eq!(sizes.map(size), ["1 kB", "1 MB", "1.3 MB", "1600 MB", "17.2 GB", "9002 TB"]);
     }
 }
