@@ -35,6 +35,8 @@ pub(crate) struct Bars {
 struct Stage {
     name: &'static str,
     bar: ProgressBar,
+    /// Steps that were done when a stage within it began: a bar that is cleared counts all.
+    done: u64,
     began: Instant,
     /// When its speed is measured from, and the steps that were done then.
     from: Mutex<Option<(Instant, u64)>>,
@@ -86,14 +88,14 @@ impl Progress for Bars {
     fn begin(&self, stage: &'static str, total: u64) {
         let Ok(mut stages) = self.stages.write() else { return };
         let mut message = stage.to_owned();
-        if let Some(outer) = stages.last() {
-            let iteration =
-                if outer.name == COUNTED { format!(", iteration {}", outer.bar.position()) } else { String::new() };
+        if let Some(outer) = stages.last_mut() {
+            outer.done = outer.bar.position();
+            let iteration = if outer.name == COUNTED { format!(", iteration {}", outer.done) } else { String::new() };
             message = format!("{}{iteration}: {stage}", outer.bar.message());
             outer.bar.finish_and_clear();
         }
         let bar = self.bar(stage, (stage != COUNTED).then_some(total), 0, message);
-        stages.push(Stage { name: stage, bar, began: Instant::now(), from: Mutex::default() });
+        stages.push(Stage { name: stage, bar, done: 0, began: Instant::now(), from: Mutex::default() });
     }
 
     fn advance(&self, steps: u64) {
@@ -117,8 +119,7 @@ impl Progress for Bars {
                 stage.bar.finish_and_clear();
             }
             if let Some(outer) = stages.last_mut() {
-                let (total, done, message) = (outer.bar.length(), outer.bar.position(), outer.bar.message());
-                outer.bar = self.bar(outer.name, total, done, message);
+                outer.bar = self.bar(outer.name, outer.bar.length(), outer.done, outer.bar.message());
             }
         }
     }
@@ -200,14 +201,18 @@ mod tests {
             let stages = bars.stages.read().expect("no panics");
             stages.last().map(|stage| (stage.bar.message(), stage.bar.position()))
         };
+        bars.begin("estimating the error", 3);
+        bars.advance(1);
         bars.begin(COUNTED, 1000);
         bars.advance(2);
         bars.begin("casting rays again", 50);
         bars.advance(7);
-        assert_eq!(current(), Some(("solving, iteration 2: casting rays again".to_owned(), 7)));
+        assert_eq!(current(), Some(("estimating the error: solving, iteration 2: casting rays again".to_owned(), 7)));
         bars.end();
         bars.advance(1);
-        assert_eq!(current(), Some((COUNTED.to_owned(), 3)));
+        assert_eq!(current(), Some(("estimating the error: solving".to_owned(), 3)));
+        bars.end();
+        assert_eq!(current(), Some(("estimating the error".to_owned(), 1)));
         bars.end();
         assert_eq!(current(), None);
     }

@@ -1,7 +1,7 @@
 //! Passes over all cells: which bands are taken together, where results go, and who hears of it.
 //!
-//! Bands are taken in registers of four, for which there are loops of known length: those of any length took two to four times as
-//! long. Of rays that are stored one register after the other reads all, since the numbers of one may stay near; rays that are cast
+//! Bands are taken in registers of four, for which there are loops of known length: those of any length take longer.
+//! Of rays that are stored one register after the other reads all, since the numbers of one may stay near; rays that are cast
 //! again are so once for all registers, cell by cell. Constants in many bands are read all together: a cell has few numbers
 //! (`cargo bench -p hatbox --bench scale -- bands 200000`).
 
