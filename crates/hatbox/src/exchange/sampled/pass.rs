@@ -13,6 +13,7 @@ use crate::linalg::{MultiVector, Number};
 use crate::progress::{Interrupted, Progress, Stage};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Constants in so many bands are taken in registers.
 const MOST_CONSTANTS: usize = 8;
@@ -118,10 +119,13 @@ impl Sampled {
             return Ok(());
         }
         let stage = Stage::begin(progress, "casting rays again", (self.cells.len() - kept) as u64);
+        let stopped = AtomicBool::new(false);
         let watched = |cell: usize, index: usize, part: usize, work: &mut Work| {
             if cell < kept {
                 row(cell, index, part, work);
-            } else if !progress.interrupted() {
+            } else if progress.interrupted() {
+                stopped.store(true, Ordering::Relaxed);
+            } else {
                 row(cell, index, part, work);
                 // Not by every cell: whoever listens may have to wait for others.
                 let chunk = self.chunk(cell / CHUNK);
@@ -132,7 +136,7 @@ impl Sampled {
         };
         self.by_rows(watched, parts, y, put);
         drop(stage);
-        if progress.interrupted() { Err(Interrupted) } else { Ok(()) }
+        if stopped.into_inner() { Err(Interrupted) } else { Ok(()) }
     }
 
     /// Calls `row` for every cell with its place in its chunk and each part, and has the results put into each band of y, in
